@@ -321,20 +321,20 @@ def test_what_cannot_be_a_target_is_refused(rt):
     radar = Radar.load("awr1843", position=(0, 0, 1))
     scene = free_space(radar)
     actor = MeshActor.from_mesh(plate(2.0, 2.0), material="metal", position=(3, 0, 1), name="plate")
-    with pytest.raises(ValueError, match=r"distance is -1\.0: a positive value"):
+    with pytest.raises(ValueError, match=r"distance is -1\.0: give a positive value"):
         rfgen.add_actor(scene, actor, distance=-1.0)
-    with pytest.raises(ValueError, match=r"distance is '3': a positive value"):
+    with pytest.raises(ValueError, match=r"distance is '3': give a positive value"):
         rfgen.add_actor(scene, actor, distance="3")
-    with pytest.raises(ValueError, match=r"t is 'a': a finite instant \[s\] is needed"):
+    with pytest.raises(ValueError, match=r"t is 'a': give a finite time \[s\]"):
         rfgen.add_actor(scene, actor, t="a")
-    with pytest.raises(TypeError, match=r"actor: NoneType given, an rfgen_sionna\.Actor is needed"):
+    with pytest.raises(TypeError, match=r"actor is a NoneType: give an rfgen_sionna\.Actor"):
         rfgen.add_actor(scene, None)
     with pytest.raises(TypeError, match=r"scene: NoneType given, a scene of rfgen_sionna\.scene\.load_scene"):
         rfgen.add_actor(None, actor)
-    with pytest.raises(TypeError, match="name: int given, a text or None is needed"):
+    with pytest.raises(TypeError, match="name is a int: give a text or None"):
         rfgen.add_actor(scene, actor, name=3)
-    with pytest.raises(ValueError, match=r"plate: distance 0\.3 m at 79\.11 GHz asks for \d+ scattering points"):
+    with pytest.raises(ValueError, match=r"plate: distance 0\.3 m at 79\.11 GHz needs \d+ scattering points"):
         rfgen.add_actor(scene, actor, distance=0.3)
     rfgen.add_actor(scene, actor)
-    with pytest.raises(ValueError, match="name is 'plate': the scene has something of that name already"):
+    with pytest.raises(ValueError, match="name is 'plate': the scene has an object of that name"):
         rfgen.add_actor(scene, actor)

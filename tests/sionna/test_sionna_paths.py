@@ -273,7 +273,7 @@ def test_several_radars_each_have_their_own_paths(rt):
         lengths = image(radar.tx_world, radar.rx_world, (0, 4.0))
         np.testing.assert_allclose(SPEED_OF_LIGHT * found.tau[:, :, 0, 0], lengths, rtol=0, atol=1e-10)
         assert found.times.tolist() == [0.25]
-    with pytest.raises(ValueError, match=r"none of the 2 transmitters of these paths has the radar's 3 elements"):
+    with pytest.raises(ValueError, match=r"none of the 2 transmitters of these paths has the radar's 3 element"):
         rfgen.from_sionna(paths, radars[0].placed(position=(0, 0, 0.5)))
 
 
@@ -282,14 +282,14 @@ def test_what_are_no_paths_of_a_radar_is_refused(rt):
     scene = scene_of(radar.center_frequency, mirror=(wall(4.0), "metal"))
     add_radar(scene, radar)
     paths = solve(rt, scene)
-    with pytest.raises(TypeError, match=r"paths: tuple given, the sionna\.rt\.Paths that a solver returns"):
+    with pytest.raises(TypeError, match=r"paths is a tuple: give the sionna\.rt\.Paths of a solver"):
         rfgen.from_sionna(paths.cir(out_type="numpy"), radar)
-    with pytest.raises(TypeError, match=r"radar: NoneType given, the rfgen_sionna\.Radar that the paths are of"):
+    with pytest.raises(TypeError, match=r"radar is a NoneType: give the rfgen_sionna\.Radar"):
         rfgen.from_sionna(paths, None)
     with pytest.raises(TypeError, match=r"scene: int given, a scene of rfgen_sionna\.scene\.load_scene or a sionna"):
         rfgen.from_sionna(paths, radar, scene=3)
     for time in ("x", np.nan, None):
-        with pytest.raises(ValueError, match=rf"time is {time!r}: a finite instant \[s\] is needed"):
+        with pytest.raises(ValueError, match=rf"time is {time!r}: give a finite time \[s\]"):
             rfgen.from_sionna(paths, radar, time=time)
     with pytest.raises(TypeError, match="scene: NoneType given"):
         add_radar(None, radar)

@@ -1,4 +1,4 @@
-"""How strong the ghosts of a body are, before they are traced."""
+"""Estimated levels of a body's ghosts, before tracing."""
 
 from __future__ import annotations
 
@@ -14,23 +14,22 @@ from rfgen_sionna.tracing.ghosts.mirrors import Mirror
 from rfgen_sionna.tracing.integral.obliquity import strongest_reflection
 
 SAMPLES = 200
-"""Vertices of a body that its ghosts' levels are estimated from."""
+"""Vertices of a body for the levels by single mirrors; bounds the time."""
 SECOND_ORDER_SAMPLES = 40
-"""Vertices of it for those by two mirrors one after the other, of which there are many."""
+"""Vertices of a body for the many pairs of mirrors; bounds the time."""
 ON_MIRROR = 1e-3
-"""What is nearer to a mirror than this [m] has no ghost in it."""
+"""Least distance from a mirror [m]; nearer points have no ghost in it."""
 _BAND_POSITIONS = np.array([-1.0, 0.0, 1.0])
-"""Places in the band at which mirrors reflect; a slab's coefficients change over it."""
+"""Positions u in the band at which the mirrors' reflection is evaluated."""
 
 
 class GhostLevels(NamedTuple):
-    """Returns by way of mirrors, relative to the direct return without shadows."""
+    """Ghost levels relative to the unoccluded direct return."""
 
     single: FloatArray
-    """(mirror, 2) by each mirror once, both ways round together, and twice."""
+    """(mirror, 2) by each mirror on one leg, both directions together, and on both legs."""
     across: FloatArray
-    """(mirror, mirror) by one there and by another back, both ways round together; 0 where the second does not come
-    after the first."""
+    """(mirror, mirror) by one mirror out and another back, both directions together; upper triangle."""
 
 
 def ghost_levels(
@@ -40,22 +39,20 @@ def ghost_levels(
     points: FloatArray,
     max_bounces: int,
 ) -> GhostLevels:
-    """How strong the ghosts of a body are.
+    """Levels from Fresnel coefficients, spreading and antenna pattern of the strongest vertex.
 
-    By Fresnel coefficients, spreading and antenna pattern of the vertex where they are largest. The body itself counts
-    as returning as much to every side; a ghost that lies outside of a mirror's rectangle or beyond the range window has
-    level 0.
+    The body is assumed isotropic. Ghosts outside a mirror's rectangle or the range window have level 0.
 
     Parameters
     ----------
-    radar, importance
-        Where it stands, and its two-way field gain towards unit vectors.
+    radar, pattern_gain
+        The radar, and its two-way field gain towards unit vectors (..., 3).
     mirrors
-        Flat parts of the scene.
+        Mirrors of the scene.
     points
         (vertex, 3) vertices of the body [m].
     max_bounces
-        2 leaves out those by mirrors both ways.
+        2 skips mirrors on both legs.
     """
     found = GhostLevels(np.zeros((len(mirrors), 2)), np.zeros((len(mirrors), len(mirrors))))
     mirrored = _MirroredVertices.of(radar, pattern_gain, mirrors, points)
@@ -79,8 +76,8 @@ def second_order_levels(
     mirrors: Sequence[Mirror],
     points: FloatArray,
 ) -> FloatArray:
-    """(mirror, mirror) returns by one mirror, then another on one way, and straight on the other, both ways round
-    together, relative to the direct return; the arguments and the estimate are those of :func:`ghost_levels`."""
+    """(mirror, mirror) levels by one mirror, then another, on one leg, both directions together; as
+    :func:`ghost_levels`."""
     found = np.zeros((len(mirrors), len(mirrors)))
     points = points[:: max(1, len(points) // SECOND_ORDER_SAMPLES)]
     view = np.asarray(radar.position)
@@ -105,8 +102,7 @@ def second_order_levels(
         span = np.einsum("mvi,mai->mva", place, axes)
         rise = mirror.height(place)
         turn = mirror.crossings(view, np.nan_to_num(place).reshape(-1, 3)).reshape(place.shape)
-        # Between two vertices something may be shown that neither is: outlines count as wider by how far these are
-        # apart on the mirror.
+        # Surface between two vertices may be visible where neither is: widen mirrors by the spacing.
         within = (span >= low - apart) & (span <= high + apart)
         within = within.all(axis=2) & (rise > ON_MIRROR)
         within &= mirror.spans(turn.reshape(-1, 3), apart).reshape(rise.shape)
@@ -133,30 +129,30 @@ def second_order_levels(
 
 
 def _spacing(points: FloatArray) -> float:
-    """About how far `points` (vertex, 3) [m] of a body are from their neighbours."""
+    """Largest distance of a body's sampled `points` (vertex, 3) from their neighbours [m]."""
     near = cKDTree(points).query(points, k=min(4, len(points)))[0].reshape(len(points), -1)[:, -1]
     return float(near.max(initial=0.0))
 
 
 class _MirroredVertices(NamedTuple):
-    """What mirrors show of some vertices."""
+    """Vertices as seen through mirrors."""
 
     way: FloatArray
-    """(mirror, vertex) field by way of a mirror, one way; 0 where it does not show the vertex."""
+    """(mirror, vertex) one-way field by way of the mirror; 0 where the vertex has no image."""
     length: FloatArray
-    """(mirror, vertex) of that way [m]."""
+    """(mirror, vertex) path length [m]."""
     near: FloatArray
-    """(vertex,) field of the straight way."""
+    """(vertex,) one-way direct field."""
     distance: FloatArray
-    """(vertex,) of it [m]."""
+    """(vertex,) direct path length [m]."""
     direct: float
-    """Largest direct return of one of them."""
+    """Largest direct return of a vertex."""
 
     @staticmethod
     def of(
         radar: Radar, pattern_gain: Callable[[FloatArray], FloatArray], mirrors: Sequence[Mirror], points: FloatArray
     ) -> _MirroredVertices | None:
-        """None where no mirror shows any, or none can be seen directly."""
+        """Sampled vertices; None without an image or a direct return."""
         points = points[:: max(1, len(points) // SAMPLES)]
         view = np.asarray(radar.position)
 
@@ -172,7 +168,7 @@ class _MirroredVertices(NamedTuple):
             before = np.flatnonzero(height > ON_MIRROR)
             if not len(before):
                 continue
-            # Of large faces vertices on the mirror or behind it tell how far what it shows reaches.
+            # Vertices of large faces on or behind the mirror bound the visible part.
             reaching = mirror.crossings(view, points - np.minimum(height, 0.0)[:, None] * mirror.normal)
             crossing, place = reaching[before], reaching @ mirror.axes.T
             if (place.max(axis=0) < mirror.low).any() or (place.min(axis=0) > mirror.high).any():

@@ -1,4 +1,4 @@
-"""What mirrors show of facets to the radar."""
+"""Visibility of facets by way of mirrors."""
 
 from __future__ import annotations
 
@@ -27,42 +27,41 @@ from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
 
 class PartialFacets(NamedTuple):
-    """What is seen of facets that are shown in part."""
+    """Visible pieces of partly visible facets."""
 
     row: NDArray[np.intp]
-    """(piece,) the mirror or pair of mirrors that shows it."""
+    """(piece,) mirror or pair of mirrors."""
     column: NDArray[np.intp]
-    """(piece,) the facet that it is of."""
+    """(piece,) facet."""
     pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates of its corners."""
+    """(piece, corner, 3) barycentric coordinates."""
 
     @staticmethod
     def none() -> PartialFacets:
-        """Where nothing is cut."""
+        """No pieces."""
         return PartialFacets(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros((0, 3, 3)))
 
 
 @dataclass(frozen=True)
 class MirroredVisibility:
-    """How much of the facets is seen by way of each mirror in use, at an instant."""
+    """Visible shares of facets by way of the selected mirrors at one sample time."""
 
     once: FloatArray
-    """(mirror, facet) share seen both directly and by the mirror."""
+    """(mirror, facet) share visible both directly and by the mirror."""
     twice: FloatArray
-    """(mirror, facet) share seen by the mirror."""
+    """(mirror, facet) share visible by the mirror."""
     across: FloatArray
-    """(pair, facet) share seen by each of two mirrors."""
+    """(pair, facet) share visible by both mirrors."""
     cut: tuple[PartialFacets, PartialFacets, PartialFacets]
-    """What is seen of those that matter of which a part is, once, twice and across: as much as their share."""
+    """Pieces of partly visible facets with significant returns, for `once`, `twice` and `across`."""
     missed: float
-    """Estimated error for what is not known of the rims of such parts, relative to what a surface returns directly and
-    by way of mirrors without interfering, of the worst surface."""
+    """Estimated error of the pieces over the incoherent sum of direct and mirrored returns, of the worst surface."""
     sampled_facets: int
     rays: int
 
 
 class GhostVisibilitySampler:
-    """Finds out how much of moving surfaces the radar sees by way of mirrors, as far as its range window."""
+    """Samples the visibility of moving surfaces by way of mirrors, within the range window."""
 
     def __init__(
         self,
@@ -77,7 +76,7 @@ class GhostVisibilitySampler:
         self._mirrors, self._viewpoint, self._max_range = tuple(mirrors), viewpoint, max_range
         self._closed = np.array([surface.closed for surface in surfaces.moving], dtype=np.bool_)
         self._images = np.array([mirror.image(viewpoint) for mirror in mirrors]).reshape(-1, 3)
-        # Which mirror each face of the ray scene belongs to, by the first of its faces, -1 for none.
+        # First face of the mirror that each face of the ray scene belongs to; -1 for none.
         self._owner = np.full(sum(len(each.faces) for each in (*surfaces.static, *surfaces.moving)), -1, np.int32)
         before = [mirror.before for mirror in mirrors if isinstance(mirror, SecondOrderImage)]
         for mirror in (*mirrors, *before):
@@ -94,10 +93,10 @@ class GhostVisibilitySampler:
         used: NDArray[np.bool_],
         pairs: NDArray[np.intp],
     ) -> MirroredVisibility:
-        """What the mirrors `selected`, numbers of them, show of the facets.
+        """Visibility by way of the `selected` mirrors.
 
-        `fraction` (facet,) is seen directly; `used` (mirror, 2) says of all mirrors whether they count once and twice,
-        and `pairs` (pair, 2) which two of them count together, one there and the other back.
+        `fraction` (facet,) is the share visible directly; `used` (mirror, 2) marks mirrors in use on one leg and on
+        both, and `pairs` (pair, 2) are mirrors used one out and the other back.
         """
         shape = (len(selected), len(facets))
         once, twice, points = np.zeros(shape), np.zeros(shape), np.zeros(shape, np.uint16)
@@ -117,8 +116,8 @@ class GhostVisibilitySampler:
             wanted = (used[which, 0] & (fraction > 0) & (length + distance < 2 * reach)) | (
                 used[which, 1] & (length < reach)
             )
-            if paired[row]:  # with a nearer one it may be within the window
-                wanted |= length + distance < 2 * reach  # no mirror's way is shorter than the straight one
+            if paired[row]:  # together with a nearer mirror it may be within the window
+                wanted |= length + distance < 2 * reach
                 lengths[row] = length
             index = np.flatnonzero(faces & wanted & (mirror.height(centre) > ON_MIRROR))
             index = index[mirror.spans(mirror.crossings(view, centre[index]), radius[index])]
@@ -154,7 +153,7 @@ class GhostVisibilitySampler:
         masks = (partial | ((once > 0) & (once < 1))) & asked[0], partial & asked[1], partial_across
         if any(mask.any() for mask in masks):
             level = self._level(facets, fraction, selected, once, twice)
-        # By the first mirror there and back the straight way, or the other way round; of two mirrors either first.
+        # One leg by a mirror in either direction, both legs by one mirror, or by two in either order.
         for share, mask, mirrors, straight, ways in (
             (once, masks[0], by_one, True, 2.0),
             (twice, masks[1], by_one, False, 1.0),
@@ -170,7 +169,7 @@ class GhostVisibilitySampler:
                 missed[surface] += (ways * clipped.missed) ** 2
                 sent += rays_there
             parts.append(PartialFacets(*(np.concatenate(each) for each in zip(*found_parts, strict=True))))
-        # Of some that are not cut both are known closer than what they have in common.
+        # The share by both mirrors is at most that by either.
         at_most = np.where(asked[1], twice, 1.0)
         whole = np.ones(across.shape, np.bool_)
         whole[parts[2].row, parts[2].column] = False
@@ -182,7 +181,7 @@ class GhostVisibilitySampler:
     def _level(
         self, facets: Facets, fraction: FloatArray, selected: NDArray[np.intp], once: FloatArray, twice: FloatArray
     ) -> FloatArray:
-        """(surface,) what may return of each, directly and by way of the mirrors `selected`, without interfering."""
+        """(surface,) incoherent sum of the returns of each, directly and by way of the `selected` mirrors."""
         direct = facets.corners - self._viewpoint
         energy = (max_returns(direct, self._wavenumber)[0] * fraction) ** 2
         for which, by_one, by_two in zip(selected, once, twice, strict=True):
@@ -198,7 +197,7 @@ class GhostVisibilitySampler:
         )
 
     def _view(self, number: NDArray[np.intp]) -> MirrorView:
-        """Of facets that are shown by the mirrors of that `number` (facet,)."""
+        """View of facets by way of the mirrors `number` (facet,)."""
         own, *before = (each.take(number) for each in self._planes_of)
         return SecondOrderView(own.normal, own.offset, own.mirror, own.owner, before[0]) if before else own
 
@@ -212,9 +211,11 @@ class GhostVisibilitySampler:
         share: FloatArray,
         level: float,
     ) -> tuple[ClippedFacets, int]:
-        """What rims and shadows leave of the facets that `index` counts out, of which the `mirrors` (facet, way) show
-        about a `share` (facet,), and of which it is to be seen directly as well if one way is `straight`; and the rays
-        sent."""
+        """Clip facets of an `index` that are partly visible by their `mirrors` (facet, way), and directly if
+        `straight`.
+
+        Returns the visible parts and the number of rays.
+        """
         corners, number = np.take(facets.corners, index, axis=0), facets.number[index]
         ends = [corners - self._images[own][:, None] for own in mirrors.T]
         if straight:

@@ -1,10 +1,8 @@
-"""Ghosts: what moves, seen by way of the flat surfaces of the static scene.
+"""Ghosts of moving surfaces by way of the flat parts of the static scene.
 
-A plane mirror makes an image of the radar, and the facet integral is then that between the images of the elements and
-the elements themselves: radar, mirror, body, radar; the same backwards; and by a mirror both times, the same one or
-another. A mirror that another one shows makes an image of the image: radar, mirror, mirror, body, radar. Which mirrors
-matter is estimated from their Fresnel coefficients, spreading and antenna pattern; the integral is as accurate as a
-weaker return needs.
+A plane mirror makes an image of the radar; the facet integral then runs between images of elements and elements.
+Mirrors lie on the leg out, the leg back, or both, and a second-order image puts two on one leg. Levels estimated from
+Fresnel coefficients, spreading and antenna pattern select the mirrors and the accuracy of each integral.
 """
 
 from __future__ import annotations
@@ -37,22 +35,22 @@ from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
 OMITTED_SHARE = 0.5
-"""Share of the tolerance that the mirrors left out may make up together."""
+"""Share of the tolerance for all omitted mirrors together."""
 IMAGE_VERTICES = 2000
-"""Vertices of an image that tell how many knots its delays need."""
+"""Vertices of an image that set the number of delay knots; bounds the time."""
 
 
 @dataclass(frozen=True)
 class GhostVisibility:
-    """What mirrors show of the facets at an instant."""
+    """Visibility of facets by way of mirrors at one sample time."""
 
     mirrors: MirroredVisibility
     second_order: MirroredVisibility | None
-    """By way of two, one after the other; None where none matter."""
+    """By way of second-order images; None without significant ones."""
 
     @property
     def sampled_facets(self) -> int:
-        """Facets that rays were sent for."""
+        """Facets with visibility rays."""
         return self.mirrors.sampled_facets + (0 if self.second_order is None else self.second_order.sampled_facets)
 
     @property
@@ -62,20 +60,20 @@ class GhostVisibility:
 
 
 class Ghosts:
-    """Finds and traces the ghosts of moving surfaces.
+    """Selects and traces the ghosts of moving surfaces.
 
     Parameters
     ----------
     surfaces
-        All of the scene.
+        All surfaces of the scene.
     radar
-        Where it stands.
+        The radar.
     rtol
         Tolerance, relative to the direct return of each actor.
     max_bounces
         2 or 3.
     mirrors
-        The flat parts of the static scene, asked for at first use.
+        Returns the mirrors of the static scene; called at first use.
     """
 
     def __init__(
@@ -91,10 +89,10 @@ class Ghosts:
         self._viewpoint = np.asarray(radar.position)
         self._selected: NDArray[np.intp] = np.zeros(0, np.intp)
         self._used = np.zeros((0, 2), np.bool_)
-        self._pairs: NDArray[np.intp] = np.zeros((0, 2), np.intp)  # one mirror there, the other back
+        self._pairs: NDArray[np.intp] = np.zeros((0, 2), np.intp)  # one mirror out, the other back
         self._level = np.zeros(0)  # (mirror,) of the strongest ghost by way of it
-        self._second_order_mirrors: dict[tuple[int, int], SecondOrderImage] = {}  # all that ever mattered
-        self._ways: list[tuple[int, int]] = []  # those in use
+        self._second_order_mirrors: dict[tuple[int, int], SecondOrderImage] = {}  # cache
+        self._ways: list[tuple[int, int]] = []  # in use
         self._second_order: tuple[SecondOrderImage, ...] = ()
         self._second_order_level = np.zeros(0)
         self._second_order_sampler: GhostVisibilitySampler | None = None
@@ -104,21 +102,21 @@ class Ghosts:
 
     @cached_property
     def mirrors(self) -> tuple[Mirror, ...]:
-        """Flat parts of the static scene that may show ghosts."""
+        """Mirrors of the static scene."""
         return self._find()
 
     @property
     def active(self) -> bool:
-        """Whether there are ghosts to be traced, after :meth:`prepare`."""
+        """Whether any mirror is in use after :meth:`prepare`."""
         return len(self._selected) > 0 or len(self._second_order) > 0
 
     def reset(self) -> None:
-        """Choose the expansions anew."""
+        """Discard the expansions."""
         self._returns.reset()
         self._second_order_returns.reset()
 
     def prepare(self, poses: Sequence[Sequence[FloatArray]]) -> None:
-        """Choose the mirrors that matter while the (vertex, 3) positions [m] of the actors are those of `poses`."""
+        """Select the significant mirrors for `poses`: for each, the (vertex, 3) positions [m] of every actor."""
         if not self.mirrors:
             return
         known = self._radar, self._probe.pattern_gain, self.mirrors
@@ -157,7 +155,7 @@ class Ghosts:
         self._second_order_level = np.array([second_order[way] for way in ways])
 
     def images(self, vertices: Sequence[FloatArray]) -> list[list[tuple[FloatArray, float]]]:
-        """For every actor its images in the mirrors in use and the tolerance of their returns."""
+        """Images of each actor in the mirrors in use, and the tolerance of their returns."""
         found = []
         for points in vertices:
             found.append(
@@ -166,7 +164,7 @@ class Ghosts:
         return found
 
     def delay_points(self, vertices: Sequence[FloatArray]) -> list[FloatArray]:
-        """The actors and a choice of their images' vertices, whose distances the delays follow."""
+        """Vertices of the actors, and some of their images', whose distances set the delay knots."""
         few = [points[:: max(1, len(points) // IMAGE_VERTICES)] for points in vertices]
         return [*vertices, *(mirror.unfolded(points) for mirror, _ in self._in_use for points in few)]
 
@@ -181,7 +179,7 @@ class Ghosts:
         return ImageBand(self._radar, self._rtol, self.mirrors, True, True)
 
     def trace_visibility(self, rays: RayScene, facets: Facets, fraction: FloatArray) -> GhostVisibility:
-        """What the mirrors in use show of the facets, of which `fraction` (facet,) is seen directly."""
+        """Visibility of facets by way of the mirrors in use; `fraction` (facet,) is the share visible directly."""
         second_order, count = None, len(self._second_order)
         if self._second_order_sampler is not None:
             once, none = np.tile([True, False], (count, 1)), np.zeros((0, 2), np.intp)
@@ -210,9 +208,9 @@ class Ghosts:
         centroids: Centroids,
         reference_level: FloatArray,
     ) -> tuple[list[RadarPaths], float]:
-        """Paths of the ghosts and their error, relative to the actors' direct returns `reference_level` (surface,).
+        """Ghost paths and their error, relative to the actors' direct returns `reference_level` (surface,).
 
-        `facets` and `views` are those of each of the `sample_times` [s]; delays are for the `knots` [s].
+        `facets` and `views` belong to the `sample_times` [s], delays to the `knots` [s].
         """
         paths, error = list[RadarPaths](), 0.0
         single = _ActiveMirrors(self._returns, self._selected, self._pairs, LEG_COMBINATIONS)
@@ -231,13 +229,13 @@ class Ghosts:
 
 
 class _ActiveMirrors(NamedTuple):
-    """Mirrors of one kind that show something."""
+    """Mirrors of one order in use."""
 
     returns: ImageReturns
     number: NDArray[np.intp]
-    """(mirror,) which of those of `returns` each is."""
+    """(mirror,) index among the mirrors of `returns`."""
     pairs: NDArray[np.intp]
-    """(pair, 2) those of them that count together, one there and the other back."""
+    """(pair, 2) mirrors used one out and the other back."""
     ways: Sequence[tuple[bool, bool]]
     """Some of `LEG_COMBINATIONS`."""
 
@@ -250,7 +248,7 @@ class _ActiveMirrors(NamedTuple):
         centroids: Centroids,
         reference_level: FloatArray,
     ) -> tuple[list[RadarPaths], float]:
-        """As :meth:`Ghosts.trace`, of what is `visible` by way of them at each of the instants."""
+        """As :meth:`Ghosts.trace`, with the visibility at each sample time."""
         paths, error = [], 0.0
         for way in self.ways:
             twice = all(way)
@@ -278,9 +276,8 @@ class _ActiveMirrors(NamedTuple):
         return paths, error + max(each.missed for each in visible)
 
     def _cut(self, visible: MirroredVisibility, twice: bool, place: NDArray[np.intp]) -> CutFacets:
-        """What is `visible` of facets of which a part is, once or `twice`; `place` (row, facet) tells which of all
-        those
-        that are shown each is, of the mirrors one after the other and of the pairs of them, either first."""
+        """Visible pieces of partly visible facets; `place` (row, facet) numbers the visible facets of mirrors, then of
+        pairs."""
         own, across = visible.cut[1 if twice else 0], visible.cut[2]
         parts = [(own.row, own.column, own.pieces)]
         if twice and len(self.pairs):
@@ -288,5 +285,5 @@ class _ActiveMirrors(NamedTuple):
             parts += [(row + across.row, across.column, across.pieces) for row in (first, first + len(self.pairs))]
         rows, columns, pieces = (np.concatenate(each) for each in zip(*parts, strict=True))
         owner = place[rows, columns]
-        visible_facets = owner >= 0  # of some next to nothing is
+        visible_facets = owner >= 0
         return owner[visible_facets], pieces[visible_facets]

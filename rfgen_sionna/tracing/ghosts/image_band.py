@@ -22,40 +22,39 @@ from rfgen_sionna.tracing.surface.facets import Facets
 
 @dataclass(frozen=True)
 class MirroredFacets(Facets):
-    """Facets, each as one mirror shows it, or one on the way there and one back: what several show is there several
-    times."""
+    """Facets with the mirrors of both legs; a facet appears once for each combination of mirrors."""
 
     first: IntArray
-    """(facet,) index of the mirror on the way from Tx."""
+    """(facet,) mirror on the leg from Tx."""
     last: IntArray
-    """(facet,) index of that on the way to Rx."""
+    """(facet,) mirror on the leg to Rx."""
 
     @classmethod
     def of(cls, facets: Facets, index: NDArray[np.intp], first: IntArray, last: IntArray) -> MirroredFacets:
-        """The facets that `index` counts out, each by its mirrors."""
+        """Facets of an `index` with their mirrors."""
         chosen = facets.take(index).with_pattern_gradient(None)
         return cls(**{each.name: getattr(chosen, each.name) for each in fields(Facets)}, first=first, last=last)
 
     def between(self, after: MirroredFacets, share: float) -> MirroredFacets:
-        """What leads to them, a `share` of the way from here to what leads there `after`: the same mirrors."""
+        """Facets at a `share` of the time to `after`: the mirrors stay."""
         return self
 
     def take(self, index: NDArray[np.intp]) -> MirroredFacets:
-        """The facets that `index` counts out."""
+        """Facets of an index."""
         return MirroredFacets.of(super().take(index), np.arange(len(index)), self.first[index], self.last[index])
 
 
 class ImageBand(BandTracer):
-    """As :class:`~rfgen_sionna.tracing.gains.band.BandTracer`, for :class:`MirroredFacets`.
+    """A :class:`~rfgen_sionna.tracing.gains.band.BandTracer` for :class:`MirroredFacets`.
 
     Parameters
     ----------
     radar, rtol
-        As there.
+        As for `BandTracer`.
     mirrors
-        What `MirroredFacets.first` and `last` count out of.
+        Mirrors that `MirroredFacets.first` and `last` index.
     tx, rx
-        Whether the way from Tx, and that to Rx, goes by a mirror.
+        Whether the leg from Tx, and that to Rx, has a mirror.
     """
 
     enough = 4000
@@ -68,11 +67,11 @@ class ImageBand(BandTracer):
         self._normals = np.array([mirror.normal for mirror in mirrors]).reshape(-1, 3)
         self._offsets = np.array([float(mirror.height(self._origin)) for mirror in mirrors])
         self._unfolded = Unfolding(mirrors, self._origin)
-        if tx != rx:  # Tx and Rx changed over make another path
+        if tx != rx:  # not reciprocal
             self.expansions.powers = 1
 
     def lengths(self, centroids: FloatArray, visible_facets: MirroredFacets) -> FloatArray:
-        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the mirrors of the facets."""
+        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the facets' mirrors."""
         place = centroids - self._origin
         by_tx = self._unfolded(place, visible_facets.first) if self.tx else place
         by_rx = self._unfolded(place, visible_facets.last) if self.rx else place
@@ -81,7 +80,7 @@ class ImageBand(BandTracer):
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
     def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
-        """(facet,) delays [s] that the gains of one pair go by."""
+        """(facet,) reference delays [s] of one pair's gains."""
         if not isinstance(facets, MirroredFacets):
             raise TypeError(f"facets is a {type(facets).__name__}: MirroredFacets are needed")
         return np.asarray(self.lengths(facets.centroids, facets)[pair])
@@ -89,7 +88,7 @@ class ImageBand(BandTracer):
     def gains_via(
         self, places: FloatArray, facets: MirroredFacets, materials: tuple[Material, ...], nodes: Nodes
     ) -> ComplexArray:
-        """(node, facet) gains whose delays go by `places` (facet, 3) [m, world]."""
+        """(node, facet) gains with delays by `places` (facet, 3) [m, world]."""
         return self._at(facets, materials, nodes, facets.parts, places - self._origin).a
 
     def _gains(
@@ -107,7 +106,7 @@ class ImageBand(BandTracer):
         parts: IntArray,
         reference: FloatArray | None = None,
     ) -> FacetGains:
-        """Gains whose delays go by points `reference` (facet, 3) [m] from the phase centre; None is the centroids."""
+        """Gains with delays by `reference` (facet, 3) [m] from the phase centre; None uses the centroids."""
         corners, media = facets.corners - self._origin, Media.at(materials, nodes.frequency, self.half_band)
 
         def of(index: NDArray[np.intp] | slice, curved: bool, buffer: GainBuffer | None) -> FacetGains:
@@ -127,7 +126,7 @@ class ImageBand(BandTracer):
         return split_by_curvature(facets.curved, of)
 
     def _by(self, facets: MirroredFacets, nodes: Nodes, index: NDArray[np.intp] | slice) -> dict[str, Any]:
-        """What the facets `index` are seen by."""
+        """Leg arguments of :func:`facet_gains` for the facets `index`."""
         return {"via": self._via(nodes, facets.first[index], facets.last[index])}
 
     def _via(self, nodes: Nodes, first: IntArray, last: IntArray) -> MirrorLegs:

@@ -1,4 +1,4 @@
-"""Returns by way of mirrors, as paths: to the accuracy that a weaker return beside the direct one needs."""
+"""Paths by way of mirrors, with accuracy in proportion to their level."""
 
 from __future__ import annotations
 
@@ -23,48 +23,48 @@ from rfgen_sionna.tracing.surface.facets import facet_paths, over_time, sum_by_s
 from rfgen_sionna.tracing.surface.surfaces import Surface, tolerance_groups
 
 TOLERANCE_SHARE = 0.3
-"""Share of the tolerance that the integral over the returns of one way may use up."""
+"""Share of the tolerance for the integral over the returns of one leg combination."""
 MAX_TOLERANCE = 0.03
-"""Tolerance of such a return, relative to itself, however weak it is."""
+"""Largest relative tolerance of a return, however weak."""
 MAX_BATCH = 100_000
-"""Pieces of facets that are integrated at once."""
+"""Facet pieces per integration batch; bounds memory."""
 LEG_COMBINATIONS = ((True, False), (False, True), (True, True))
-"""Whether the way from Tx, and that to Rx, goes by a mirror."""
+"""Whether the leg from Tx, and that to Rx, has a mirror."""
 NO_MIRRORS = (False, False)
 
 Centroids = Callable[[float, NDArray[np.intp]], FloatArray]
-"""Time [s] and ascending numbers of facets to their centroids (facet, 3) [m]."""
+"""Time [s] and ascending facet numbers to centroids (facet, 3) [m]."""
 MirrorsAt = Callable[[float], tuple[Mirror, ...]]
-"""Time [s] to the mirrors as they are then."""
+"""Time [s] to the mirrors at that time."""
 MirroredLegs = tuple[bool, bool]
 CutFacets = tuple[NDArray[np.intp], FloatArray]
-"""The facet (piece,) of pieces, and barycentric coordinates (piece, corner, 3) of their corners."""
+"""Facet (piece,) and barycentric corners (piece, corner, 3) of pieces."""
 
 
 def image_tolerance(rtol: float, level: float) -> float:
-    """Tolerance of returns relative to themselves that are `level` against what `rtol` is relative to."""
+    """Relative tolerance of returns at `level` over the reference of `rtol`."""
     return float(
         np.clip(TOLERANCE_SHARE * rtol / max(level, 1e-12), TOLERANCE_SHARE * min(rtol, MAX_TOLERANCE), MAX_TOLERANCE)
     )
 
 
 class ImageReturns:
-    """Integrates facets that mirrors show, over the band, for all element pairs and over time.
+    """Integrates mirrored facets over the band, element pairs and time.
 
     Parameters
     ----------
     surfaces
-        What the facets are of.
+        Surfaces of the facets.
     names
-        Those of objects and of parts.
+        Object names and part names.
     radar
-        Where it stands.
+        The radar.
     rtol
         Tolerance, relative to the direct return of each surface.
     mirrors
-        Time [s] to the mirrors; where they stay, always the same ones.
+        Time [s] to mirrors; static mirrors are the same objects at all times.
     band
-        What integrates the facets.
+        Constructor of the integrator.
     """
 
     def __init__(
@@ -86,12 +86,12 @@ class ImageReturns:
         self._turn = 0
 
     def reset(self) -> None:
-        """Choose the expansions anew."""
+        """Discard the expansions."""
         self._expansions.clear()
         self._missed.clear()
 
     def finish(self, error: float) -> None:
-        """Close a stretch of time whose returns together had this `error`."""
+        """Finish an interval whose returns had this `error`."""
         self._turn += 1
         if error > 1.5 * self._rtol:
             self.reset()
@@ -108,21 +108,21 @@ class ImageReturns:
         reference_level: FloatArray,
         cut: Sequence[CutFacets] = (),
     ) -> tuple[RadarPaths, float]:
-        """Paths by one of the `LEG_COMBINATIONS` and their error, relative to the direct returns `reference_level`
+        """Paths of one of the `LEG_COMBINATIONS` and their error, relative to the direct returns `reference_level`
         (surface,).
 
         Parameters
         ----------
-        knots, instants
-            Where delays and gains are wanted, and where gains are given [s].
-        shown
-            Facets at each instant, the same ones.
+        knots, sample_times
+            Times of the resulting delays and gains, and of the given facets [s].
+        visible_facets
+            The same facets at each sample time.
         shares
-            (instant, facet) how much of each counts.
+            (sample time, facet) visible shares.
         facet
-            (facet,) number of each for `centroids`.
+            (facet,) number of each facet for `centroids`.
         cut
-            What counts of some of them at each instant, instead of their share of the whole.
+            Visible pieces of some facets at each sample time, which replace their shares.
         """
         middle, first, last = len(sample_times) // 2, visible_facets[0].first, visible_facets[0].last
         mirrors = self._mirrors(float(sample_times[middle]))
@@ -144,7 +144,7 @@ class ImageReturns:
 
         def places(t: float) -> FloatArray:
             found = centroids(t, needed)[back.reshape(-1)]
-            # What a rim sweeps over turns in phase with the middle of what is left of it.
+            # The phase follows the centroid of the visible part.
             return found + np.tensordot(knot_weights(sample_times, np.array([t])), aside, 1)[0] if moved else found
 
         def facets_at(t: float) -> MirroredFacets:
@@ -187,8 +187,8 @@ class ImageReturns:
         visible_facets: MirroredFacets,
         expansion: Expansion,
     ) -> None:
-        """Write what pieces of facets return to `gains` (order, tx, rx, facet), by way of their middle, and how far
-        that is from the facet's to `aside` (facet, 3) [m]."""
+        """Write gains of facet pieces to `gains` (order, tx, rx, facet), and their centroids' offsets to `aside`
+        (facet, 3) [m]."""
         owner, pieces = cut
         if not len(owner):
             return
@@ -208,7 +208,7 @@ class ImageReturns:
         gains[..., own] = band.combined(expansion, values)
 
     def estimate(self, way: MirroredLegs, t: float, visible_facets: MirroredFacets, u: FloatArray) -> ComplexArray:
-        """(probe, facet) roughly what each returns at `t` [s] to one pair at places `u` (probe,) of the band."""
+        """(probe, facet) approximate returns at `t` [s] for one pair at positions `u` (probe,) in the band."""
         mirrors = self._mirrors(t)
         departing, arriving = self._directions(
             visible_facets.centroids, mirrors, visible_facets.first, visible_facets.last, way
@@ -223,8 +223,7 @@ class ImageReturns:
     def levels(
         self, way: MirroredLegs, t: float, visible_facets: MirroredFacets, group: NDArray[np.intp], count: int
     ) -> tuple[FloatArray, FloatArray]:
-        """(group,) roughly what groups of facets return at `t` [s], coherently and one by one, for one pair in the
-        middle of the band; `group` (facet,) below `count`."""
+        """(group,) approximate coherent and incoherent returns at `t` [s] for one pair at the centre frequency."""
         a = self.estimate(way, t, visible_facets, np.zeros(1))
         total = np.abs(sum_by_surface(a, group.astype(np.int32), count)[0])
         return total, np.sqrt(np.bincount(group, np.abs(a[0]) ** 2, count))
@@ -242,8 +241,8 @@ class ImageReturns:
         reference_level: FloatArray,
         way: MirroredLegs,
     ) -> float:
-        """Error relative to the returns' own or the direct return, whichever is more: with a new expansion at two pairs
-        and over the band, which is remembered, then at one place after the other."""
+        """Error relative to the direct or own returns, whichever is larger: at first at two pairs over the band, later
+        at one pair and position at a time."""
         pairs, probes = [(0, 0), (gains.shape[1] - 1, gains.shape[2] - 1)], PROBES
         if way in self._missed:
             pairs = [(self._turn % gains.shape[1], (self._turn // gains.shape[1]) % gains.shape[2])]
@@ -275,12 +274,11 @@ class ImageReturns:
                     axis=0
                 )
             )
-            # As accurate as the direct return of the surface whose images are strongest against it asks for.
+            # The surface with the strongest images relative to its direct return sets the tolerance.
             share = float(np.max(level / np.maximum(np.maximum(reference_level, level), 1e-300), initial=0.0))
             tolerance = image_tolerance(self._rtol, share)
             band = self._band(mirrors, way, tolerance)
-            # Each actor's images are judged by themselves, if they matter beside its direct return; and each way round,
-            # so that Tx and Rx may be changed over.
+            # Significant images of each tolerance group are controlled separately, for reciprocity.
             matter = (level > TOLERANCE_SHARE * self._rtol * reference_level)[facets.surface]
             chosen = np.flatnonzero(matter) if matter.any() else np.arange(len(facets))
             judged = facets.take(chosen), self._materials, weight[chosen]
@@ -307,7 +305,7 @@ class ImageReturns:
 
 
 def _fill_unseen(aside: FloatArray, visible: NDArray[np.bool_]) -> FloatArray:
-    """(instant, facet, 3) the same where each is `visible` (instant, facet), elsewhere that of the nearest instant."""
+    """(sample time, facet, 3) `aside` of each facet's nearest sample time at which it is `visible`."""
     found, order = aside.copy(), np.arange(len(aside))
     for k in range(len(aside)):
         for nearest in sorted(order, key=lambda other: -abs(other - k)):  # the nearest last

@@ -1,4 +1,4 @@
-"""Plane mirrors among the static surfaces: walls, floor, ceiling, table tops."""
+"""Plane mirrors of the static scene: walls, floor, ceiling, table tops."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.surface.surfaces import Surface
 
 FLATNESS = 1e-4
-"""How far from its plane a mirror's vertex may lie [m]: 0.3 rad of two-way phase at 77 GHz."""
+"""Largest distance of a mirror's vertices from its plane [m]: 0.3 rad of two-way phase at 77 GHz."""
 MAX_FACE_ANGLE = 1e-3
-"""Angle between neighbouring triangles of a plane [rad]; those of thin triangles are rounded that much."""
+"""Largest angle between neighbouring coplanar triangles [rad]; rounding tilts thin triangles by that much."""
 MIN_FRESNEL_RADII = 2.0
-"""How many radii of the first Fresnel zone a mirror is wide at least."""
+"""Least width of a mirror, in radii of the first Fresnel zone: narrower ones diffract."""
 
 
 @dataclass(frozen=True)
 class Mirror:
-    """A flat, connected part of one static object."""
+    """Flat, connected part of one static object."""
 
     name: str
-    """The object's."""
+    """Name of the object."""
     material: Material
     faces: NDArray[np.int64]
     """(face,) numbers among all faces of the ray scene."""
     normal: FloatArray
-    """(3,) unit vector, towards the side that the radar is on."""
+    """(3,) unit normal towards the radar."""
     offset: float
-    """normal . x of its points [m], world."""
+    """normal . x of its points in the world frame [m]."""
     axes: FloatArray
     """(2, 3) unit vectors in the plane."""
     low: FloatArray
-    """(2,) where it begins along the axes [m]."""
+    """(2,) least coordinate along the axes [m]."""
     high: FloatArray
-    """(2,) where it ends."""
+    """(2,) largest coordinate along the axes [m]."""
     bounces: ClassVar[int] = 1
-    """Of what goes by way of it."""
+    """Number of reflections on a leg by way of it."""
 
     def height(self, points: FloatArray) -> FloatArray:
-        """Distance (...) of `points` (..., 3) from the plane [m], positive on the radar's side."""
+        """(...) distance of `points` (..., 3) from the plane [m], positive on the radar's side."""
         return np.asarray(points @ self.normal - self.offset)
 
     def image(self, points: FloatArray) -> FloatArray:
@@ -54,17 +54,17 @@ class Mirror:
         return np.asarray(points - 2.0 * self.height(points)[..., None] * self.normal)
 
     def unfolded(self, points: FloatArray) -> FloatArray:
-        """Where `points` (..., 3) appear to the radar by way of it [m]."""
+        """Apparent position (..., 3) of `points` (..., 3) as seen from the radar [m]."""
         return self.image(points)
 
     def crossings(self, viewpoint: FloatArray, points: FloatArray) -> FloatArray:
-        """(point, 3) where the ways from the viewpoint to `points` meet the plane [m]; both lie on the same side."""
+        """(point, 3) reflection points between the viewpoint and `points` (point, 3) [m], all on one side."""
         here, there = self.height(viewpoint), self.height(points)[:, None]
         foot_here, foot_there = viewpoint - here * self.normal, points - there * self.normal
         return np.asarray((there * foot_here + here * foot_there) / np.maximum(here + there, 1e-12))
 
     def spans(self, points: FloatArray, margin: FloatArray | float = 0.0) -> NDArray[np.bool_]:
-        """(point,) whether points of the plane lie in the rectangle around the mirror, widened by `margin` [m]."""
+        """(point,) whether points of the plane lie in the mirror's bounding rectangle, widened by `margin` [m]."""
         place = points @ self.axes.T
         margin = np.broadcast_to(np.asarray(margin), len(points))[:, None]
         return np.asarray(((place > self.low - margin) & (place < self.high + margin)).all(axis=1))
@@ -72,38 +72,38 @@ class Mirror:
 
 @dataclass(frozen=True)
 class SecondOrderImage(Mirror):
-    """A mirror that the radar sees by way of another one, which comes `before`."""
+    """Mirror that the radar sees by way of another one, `before`."""
 
     before: Mirror
     bounces: ClassVar[int] = 2
 
     @staticmethod
     def of(before: Mirror, mirror: Mirror) -> SecondOrderImage:
-        """The way by the one, then by the other."""
+        """Leg by `before`, then by `mirror`."""
         return SecondOrderImage(**{each.name: getattr(mirror, each.name) for each in fields(Mirror)}, before=before)
 
     def image(self, points: FloatArray) -> FloatArray:
-        """Images (..., 3) of the radar's elements [m], as the mirror shows them."""
+        """Images (..., 3) of the radar's elements [m]."""
         return super().image(self.before.image(points))
 
     def unfolded(self, points: FloatArray) -> FloatArray:
-        """Where `points` (..., 3) appear to the radar by way of both [m]."""
+        """Apparent position (..., 3) of `points` by way of both mirrors [m]."""
         return self.before.image(super().image(points))
 
     def crossings(self, viewpoint: FloatArray, points: FloatArray) -> FloatArray:
-        """(point, 3) where the ways from the viewpoint to `points` meet the mirror [m]."""
+        """(point, 3) reflection points on the second mirror [m]."""
         return super().crossings(self.before.image(viewpoint), points)
 
 
 class Unfolding:
-    """Tells where mirrors show things; `mirrors` are all of one kind, places relative to an `origin` (3,) [m]."""
+    """Apparent positions by way of mirrors of one order, relative to an `origin` (3,) [m]."""
 
     def __init__(self, mirrors: Sequence[Mirror], origin: FloatArray) -> None:
         ways = [[mirror] + ([mirror.before] if isinstance(mirror, SecondOrderImage) else []) for mirror in mirrors]
         self._steps = [_planes(step, origin) for step in zip(*ways, strict=True)]
 
     def __call__(self, places: FloatArray, mirror: NDArray[np.integer[Any]]) -> FloatArray:
-        """(facet, 3) [m] where the radar sees `places` (facet, 3) [m], each by way of one of the mirrors."""
+        """(facet, 3) apparent positions [m] of `places` (facet, 3) [m], each by way of its `mirror` (facet,)."""
         for normals, heights in self._steps:
             height = np.einsum("fi,fi->f", places, normals[mirror]) + heights[mirror]
             places = places - 2.0 * height[:, None] * normals[mirror]
@@ -111,7 +111,7 @@ class Unfolding:
 
 
 def _planes(mirrors: Sequence[Mirror], origin: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(mirror, 3) normals, and (mirror,) how far an origin is before them [m]."""
+    """(mirror, 3) normals and (mirror,) heights of the origin [m]."""
     return np.stack([each.normal for each in mirrors]), np.array([float(each.height(origin)) for each in mirrors])
 
 
@@ -129,14 +129,14 @@ def find_mirrors(
     ----------
     surfaces, vertices
         Static objects and their (vertex, 3) positions [m].
-    seen
-        Numbers of the faces, among all of the ray scene, of which the radar sees something.
+    visible
+        Numbers of visible faces among all faces of the ray scene.
     viewpoint
         (3,) phase centre of the radar [m].
     wavelength
         [m].
     max_range
-        Where the radar's range window ends [m].
+        End of the radar's range window [m].
     """
     least = fresnel_width(vertices, viewpoint, wavelength, max_range)
     found = []
@@ -153,8 +153,7 @@ def find_mirrors(
 
 
 def fresnel_width(vertices: Sequence[FloatArray], viewpoint: FloatArray, wavelength: float, max_range: float) -> float:
-    """Least width of a mirror [m] in a scene of such (vertex, 3) positions [m]: half way on the longest way that there
-    is, as far as the range window, the zone is widest."""
+    """Least width of a mirror [m]: a Fresnel zone half way along the scene's longest path, up to `max_range` [m]."""
     corners = np.concatenate([viewpoint[None], *vertices])
     reach = min(max_range, float(np.linalg.norm(np.ptp(corners, axis=0))))
     return float(MIN_FRESNEL_RADII * 0.5 * np.sqrt(wavelength * reach))
@@ -163,12 +162,12 @@ def fresnel_width(vertices: Sequence[FloatArray], viewpoint: FloatArray, wavelen
 def coplanar_groups(
     points: FloatArray, surface: Surface, crease: float = np.pi
 ) -> tuple[NDArray[np.int32], FloatArray]:
-    """(face,) number of the connected flat part that each face belongs to, and (part,) the length of its outline
-    [m] across which the surface goes on at an angle below `crease` [rad]."""
+    """Connected flat parts: (face,) part of each face, and (part,) border length [m] with a dihedral angle below
+    `crease` [rad]."""
     faces, count = surface.faces, len(surface.faces)
     cross = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
     normal = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
-    # Meshes often hold a corner once for each face: what is in one place is one corner.
+    # Merge coinciding vertices.
     _, merged = np.unique(np.round(points * 1e6).astype(np.int64), axis=0, return_inverse=True)
     corners = merged.reshape(-1)[faces].astype(np.int64)
     edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
@@ -183,7 +182,7 @@ def coplanar_groups(
     group = np.asarray(connected_components(graph, directed=False)[1], dtype=np.int32)
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)[order][same]
     length = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
-    # Faces that lie on each other turn their backs, or not, as their mesh has it: only the angle counts.
+    # Overlapping faces of opposite orientation form no crease.
     smooth = (patch >= MAX_FACE_ANGLE) & (patch < np.sin(min(crease, 0.5 * np.pi)))
     smooth &= np.einsum("fi,fi->f", normal[one], normal[other]) > 0
     bent = np.bincount(group[one[smooth]], length[smooth], int(group.max(initial=-1)) + 1)
@@ -194,7 +193,7 @@ def coplanar_groups(
 def _mirror(
     points: FloatArray, surface: Surface, faces: NDArray[np.intp], viewpoint: FloatArray, least: float
 ) -> Mirror | None:
-    """The mirror that `faces` make; None where they are bent, too narrow, or seen edge on."""
+    """Mirror of the `faces`; None for curved, narrow or edge-on parts."""
     corners = points[surface.faces[faces]]
     used = points[np.unique(surface.faces[faces])]
     centre = used.mean(axis=0)

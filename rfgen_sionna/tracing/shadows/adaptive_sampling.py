@@ -1,12 +1,8 @@
-"""RF adaptive sampling: how much of each facet the radar sees, by rays that go where they matter.
+"""RF adaptive sampling: visible share of each facet, with rays where errors of the return would be largest.
 
-Guiding rays go to the corners of facets, one for all that share a corner, and just past the outlines of bodies. Facets
-whose corners fare differently, or that such a ray falls on, have a shadow's edge on them, which is found by more rays,
-the more may be missed: a facet that lies aslant, over many wavelengths, returns little, and a few will do. Where the
-shadow of a grille is finer than the finest lattice its share is right, its pattern is not, and the estimate is too low.
-
-Of what stays, which is looked at once, edges are searched for on all other facets that matter as well: a pole leaves
-facets behind it lit at all corners, and surfaces that run through each other have no outline there.
+Guiding rays go to the facets' corners and past silhouettes. A facet with mixed corners, or that a silhouette ray hits,
+has a shadow boundary and is sampled on a lattice, finer where its return is large. Facets of static scenes are searched
+for undetected boundaries as well. Shadows finer than the finest lattice keep their share but lose their pattern.
 """
 
 from __future__ import annotations
@@ -26,58 +22,53 @@ from rfgen_sionna.tracing.shadows.return_bounds import corners_of, max_boundary_
 from rfgen_sionna.tracing.shadows.visible_polygons import EDGE_INSET, VisibilitySampler, find_visible_polygons
 
 MISSED_PER_RTOL = 0.25
-"""Estimated error of all returns together for what is not known of shadows' edges, against what all return without
-interfering, per unit of the tolerance."""
+"""Allowed error of shadow boundaries over the incoherent sum of all returns, per unit of the tolerance."""
 CURVED_EDGE_ERROR = 0.125
-"""What lines between `n` points along a facet's edge miss, in the mean, times n^2, against what it may return."""
+"""Mean error of polygons with `n` cells per edge, times n^2, over the bound of a cut facet; fitted on bodies."""
 _STATIC_EDGE_ERROR = 0.28
-"""The same of what stays, a furnished room, where edges of many things cross and what they miss adds up in phase on
-walls. What actors hide of it is no better for being looked at as closely."""
+"""The same in a furnished room, where errors add up in phase on walls; fitted."""
 CORNER_ERROR = 0.3
-"""What the number of its corners that are seen misses of a facet."""
+"""Error of a visible share taken from three corners, over the bound of a cut facet; fitted."""
 _MAX_POINTS = 4_000_000
-"""Points that are looked at on all facets, at most, before shadows' edges are found where they are crossed."""
+"""Most lattice points per sample time; bounds memory and time."""
 _STATIC_MAX_POINTS = 32_000_000
-"""The same of what is looked at once."""
+"""The same for a static scene, which is sampled once."""
 _SEARCH_SHARE = 0.5
-"""Share of what may be missed that facets may which are not searched."""
+"""Share of the error budget for facets that the search skips."""
 _MAX_EDGES = 32.0
-"""Shadows' edges that are reckoned with on one facet, at most."""
+"""Most shadow boundaries assumed on one facet; bounds the lattice."""
 _CHORD = 0.45
-"""Mean length of straight edges on a facet, over its longest side: pi times the area over the girth of an equilateral
-triangle."""
+"""Mean chord over the longest side of an equilateral triangle: pi times area over perimeter (Cauchy)."""
 _UNSAMPLED_EDGE_RETURN = 0.25
-"""What a facet returns less or more for an edge that is not looked at, over what it may return when cut: so much that
-light that was missed on purpose, in five poses of a body, is stated with half as much again."""
+"""Return error of an unsampled boundary over the bound of a cut facet: covers bodies' measured errors by half."""
 _MAX_ROUNDS = 3
-"""How often facets are looked at, ever more closely, where there is much less light than corners told of."""
+"""Most refinements after the returns turned out to be less than half of the guide rays' estimate."""
 
 
 class SampledVisibility(NamedTuple):
-    """What of facets is seen."""
+    """Visible parts of facets."""
 
     fraction: FloatArray
-    """(facet,) share of the area that nothing hides, 0 … 1."""
+    """(facet,) visible share of the area, 0 … 1."""
     owner: NDArray[np.intp]
-    """(piece,) facet that a piece is of, ascending: those that are seen of facets that are hidden in part."""
+    """(piece,) facet of each visible piece, ascending; only partly visible facets have pieces."""
     pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates of their corners."""
+    """(piece, corner, 3) barycentric coordinates."""
     occluder: FloatArray
-    """(piece, 4) :attr:`rfgen_sionna.tracing.shadows.visible_polygons.Lit.occluder`; then how far [m] the facet's
-    plane is lit from
-    there on, and how far off what casts the shadow that follows is, over the way there: infinity and NaN where that is
-    further than any element tells."""
+    """(piece, 4) :attr:`rfgen_sionna.tracing.shadows.visible_polygons.VisiblePolygons.occluder`, then the width [m] of
+    the visible band and the distance ratio of the occluder at its far end; infinity and NaN where the band is wider
+    than the array resolves."""
     missed: FloatArray
-    """(facet,) estimated error of what each returns, in units of `returned`."""
+    """(facet,) estimated error of each return, in units of `returned`."""
     returned: FloatArray
-    """(facet,) what each may return, up to a factor that all share, by the share that is seen."""
+    """(facet,) bound on each return by its visible share, up to a common factor."""
     rays: int
-    """Rays sent, apart from guiding ones."""
+    """Rays sent, without guiding rays."""
 
 
 def shared_vertices(corners: FloatArray, surface: NDArray[np.integer[Any]] | None = None) -> IntArray:
-    """(facet, 3) numbers of the places where the `corners` (facet, 3, 3) [m] are: facets that share one touch, if they
-    are of the same `surface` (facet,)."""
+    """(facet, 3) numbers of coinciding `corners` (facet, 3, 3) [m]; facets of different `surface` (facet,) share
+    none."""
     if surface is not None:
         places, first = np.zeros((len(corners), 3), np.int32), 0
         for each in np.unique(surface):
@@ -120,9 +111,9 @@ def sample_visibility(
     occluder_distance: float = np.inf,
     shadowing: FloatArray | None = None,
 ) -> SampledVisibility:
-    """Share of each facet's area that nothing hides from the viewpoint, and which pieces of those in half shadow.
+    """Visible share and visible pieces of facets.
 
-    The points looked at are fixed in the facet: the share changes gradually while it moves.
+    Sample points are fixed in the facet, so that the share changes smoothly with motion.
 
     Parameters
     ----------
@@ -133,53 +124,44 @@ def sample_visibility(
     corners
         (facet, 3, 3) [m].
     facet
-        (facet,) number of the ray scene's face that each facet is a piece of; it does not hide itself.
-    seen
-        (facet, 3) which corners are seen, by :class:`CornerVisibility`.
+        (facet,) face of the ray scene that contains each facet; it does not occlude itself.
+    visible
+        (facet, 3) visible corners, by :class:`CornerVisibility`.
     wavenumber
         At the highest frequency [rad/m].
     rtol
-        Allowed error of the return of all together.
-    outline
-        (facet,) length of outlines whose shadows fall on each [rad] (:mod:`rfgen_sionna.tracing.shadows.silhouettes`);
-        None: no shadow is looked for beyond what corners tell.
+        Allowed relative error of the sum of all returns.
+    silhouette
+        (facet,) silhouette length whose shadow falls on each [rad] (:mod:`rfgen_sionna.tracing.shadows.silhouettes`);
+        None uses the corners alone.
     weight
-        (facet,) the antennas' field gain towards each; None is 1.
+        (facet,) field gain of the antennas; None is 1.
     group
-        (facet,) what belongs together: errors are relative to what the facets of a group return; None: all do.
+        (facet,) group of each facet; errors are relative to the return of a group. None makes one group.
     before
-        (facet, 3) which corners were seen when something was not there that is now: facets that it does not shadow are
-        seen as a whole. None: there is no telling.
+        (facet, 3) visible corners without the actors: facets in no actor's shadow count as fully visible. None ignores
+        it.
     level
-        The least that counts as what all return without interfering, in units of :attr:`SampledVisibility.returned`;
-        an array has that of each group.
+        Least incoherent sum of returns, in units of :attr:`SampledVisibility.returned`; (group,) or one for all.
     moving
-        Whether nothing but moving objects hides: shares are of what is seen without them.
+        Whether only moving objects occlude; shares are then relative to the static visibility.
     search
-        Whether edges are looked for on facets, too, that neither corners nor outlines tell of any: where surfaces
-        run through each other, and behind what is narrow. It takes a few rays to each facet that would matter, and
-        edges that are known are looked at more closely than where facets are looked at again and again. What is too
-        narrow for these rays, a quarter of a facet, is neither found nor in `missed`.
+        Whether facets without a known boundary are searched for one, and known boundaries sampled with the static
+        budget. Shadows narrower than a quarter of a facet are neither found nor in `missed`.
     times
-        Number of times that the facets are looked at together: so many more points may be looked at.
+        Number of sample times in this call; scales the budget of points.
     ray_spacing
-        Angle between rays past outlines [rad]: edges that pass smaller facets between two of them, and reach no corner,
-        are not looked at. Those that are tell how many these are, and so what `missed` has of them.
+        Angle between silhouette rays [rad]; adds boundaries that fall between two rays to `missed`.
     places
-        (facet, 3) those of :func:`shared_vertices`, by which edges that fall between two facets are known; None: they
-        are not asked for.
-    dark
-        (facet, 3) places of others, of which nothing is seen.
+        (facet, 3) numbers of :func:`shared_vertices`, for boundaries between two facets; None skips these.
+    occluded
+        (facet, 3) numbers of further, occluded facets.
     reach
-        How far elements are from the viewpoint at most [m]: as far as they see past edges, what follows the lit side is
-        looked for.
+        Largest distance of an element from the viewpoint [m].
     occluder_distance
-        How far what hides is from the viewpoint at least [m], if that is known: by that and `reach` the strips beside
-        edges, which not all elements see alike, may return more than a narrow facet itself, and ask for a closer look.
-        Infinity: it is not, and they count for nothing.
+        Least distance of an occluder [m]: adds the boundary's return for other elements. Infinity adds none.
     shadowing
-        (facet,) what of the `silhouette` has its shadow there: what is narrower than a lattice is looked for by that.
-        None is all of it.
+        (facet,) part of `silhouette` that casts a shadow on the facet, for shadows narrower than a cell; None uses all.
     """
     count = len(corners)
     if not count:
@@ -230,14 +212,14 @@ def sample_visibility(
     sampler = LatticeSampler(rays, viewpoint, corners, facet, moving, width, fraction)
     for _ in range(_MAX_ROUNDS):
         told, total = total, np.maximum([np.linalg.norm(most[mine] * fraction[mine]) for mine in members], floors)
-        # Light through gaps is less than what corners tell of: then it is looked at more closely.
+        # Light through gaps is overestimated by corners: refine.
         again = (total < 0.5 * told) & ((total > 0) | np.isinf(told))
         if not again.any():
             break
         for mine, all_of_them in zip(members, np.where(again, total, told).tolist(), strict=True):
             some = mine[edged[mine]]
             wanted[some] = np.sqrt(bent[some] / error_budget(bent[some], share * MISSED_PER_RTOL * rtol * all_of_them))
-        # Where an edge was found by searching, no coarser lattice would find it again.
+        # A coarser lattice would lose an edge that the search found.
         closely = np.flatnonzero(edged & ((wanted > np.sqrt(patch / CORNER_ERROR)) | (least >= 0)))
         finer = np.full(count, -1, np.intp)
         finer[closely] = np.maximum(np.searchsorted(SPACINGS[:-1], wanted[closely]), least[closely])
@@ -248,12 +230,12 @@ def sample_visibility(
     sampled = lattice >= 0
     missed = np.minimum(cut, np.where(sampled, bent / np.array(SPACINGS)[lattice] ** 2, CORNER_ERROR * cut * edged))
     missed = np.maximum(missed, hidden)
-    # What is narrower than a cell may be missed: where a ray got by an outline, smaller ones look for it.
+    # Shadows narrower than a cell: refine once where a silhouette ray hit a fully visible or occluded facet.
     got_by = passed if shadowing is None else shadowing > 0
     whole = got_by & sampled & ((fraction == 0) | (fraction == 1))
     narrow = np.flatnonzero(whole & (lattice < len(SPACINGS) - 1) & (np.array(SPACINGS)[lattice] < wanted**2))
     sampler.sample(narrow[np.cumsum(points_of(lattice[narrow] + 1)) < most_points], lattice + 1)
-    # An edge falls on facets along a chord of each; where that is short, it passes others between two rays.
+    # A boundary crosses facets along chords; short chords may fall between two silhouette rays.
     shadowed_surfaces = np.flatnonzero(passed & ~mixed & (fraction > 0) & (fraction < 1))
     others = np.maximum(ray_spacing / np.maximum(_CHORD * wide[shadowed_surfaces], 1e-12) - 1.0, 0.0)
     missed[shadowed_surfaces] = np.hypot(
@@ -266,12 +248,10 @@ def sample_visibility(
 
 
 class CornerVisibility:
-    """Guiding rays: one to each place where corners of facets meet, and where these show the viewpoint different sides,
-    one for each.
+    """Guiding rays: one to each shared corner and side of the surface.
 
     `corners` (facet, 3, 3) [m] and `facet` (facet,) are those of :func:`sample_visibility`, `places` (facet, 3) those
-    of
-    :func:`shared_vertices`.
+    of :func:`shared_vertices`.
     """
 
     def __init__(
@@ -280,15 +260,15 @@ class CornerVisibility:
         self._viewpoint, self._corners, self._facet = viewpoint, corners, facet
         self.places = places
         self._side = 2 * places + _shown_sides(corners, viewpoint)[:, None]
-        # The corner that stands for all that meet in a place; the last one of them.
+        # The last corner represents all that coincide.
         self._one = np.full(int(self._side.max(initial=-1)) + 1, -1, np.intp)
         self._one[self._side.ravel()] = np.arange(self._side.size)
 
     def visible(
         self, rays: OccluderTest, some: NDArray[np.intp] | None = None, moving: bool = False
     ) -> tuple[NDArray[np.bool_], int]:
-        """(facet, 3) whether corners are seen, those of `some` facets, and the number of rays; `moving`, where nothing
-        but moving objects hides."""
+        """(facet, 3) visible corners of `some` facets (None: all), and the rays sent; `moving` tests moving occluders
+        alone."""
         side = self._side if some is None else self._side[some]
         light = np.zeros(len(self._one), np.bool_)
         light[side.ravel()] = True
@@ -300,7 +280,7 @@ class CornerVisibility:
 
 
 def error_budget(errors: FloatArray, total: float) -> float:
-    """What each of the `errors` may be, so that the root of the sum of their squares is `total`: above zero."""
+    """Largest error for each of `errors` such that their root sum of squares is `total`."""
     ordered = np.sort(errors) ** 2
     below = np.cumsum(ordered) - ordered
     rest = np.arange(len(ordered), 0, -1)
@@ -312,7 +292,7 @@ def error_budget(errors: FloatArray, total: float) -> float:
 
 
 def _shown_sides(corners: FloatArray, viewpoint: FloatArray) -> IntArray:
-    """(facet,) which side facets with these `corners` (facet, 3, 3) [m] show the viewpoint, 0 or 1."""
+    """(facet,) side of each facet that faces the viewpoint, 0 or 1."""
     if not len(corners):
         return np.zeros(0, np.int32)
     dr, types = drjit_types()
@@ -328,7 +308,7 @@ def _shown_sides(corners: FloatArray, viewpoint: FloatArray) -> IntArray:
 
 
 def _turn_away(given: dict[str, Any]) -> None:
-    """The kernel of :func:`_shown_sides`."""
+    """Kernel of :func:`_shown_sides`."""
     dr, types = drjit_types()
     a, b, c = corners_of(given)
     eye = types.Array3f64(*(dr.gather(types.Float64, given["viewpoint"], types.UInt32(k)) for k in range(3)))
@@ -341,20 +321,20 @@ _TURN_AWAY = FrozenKernel(_turn_away)
 
 
 _CLIP_BATCH = 300_000
-"""Points that are looked at together."""
+"""Points per batch; bounds memory."""
 
 
 class ClippedFacets(NamedTuple):
-    """What is seen of facets that rims cut."""
+    """Visible parts of facets behind the borders of slabs or mirrors."""
 
     share: FloatArray
-    """(facet,) of its area."""
+    """(facet,) visible share of the area."""
     owner: NDArray[np.intp]
-    """(piece,) facet that each is of, ascending; those that matter little are not cut."""
+    """(piece,) facet of each piece, ascending; facets with small returns have none."""
     pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates of its corners."""
+    """(piece, corner, 3) barycentric coordinates."""
     missed: float
-    """Estimated error of what they return, relative to `level`."""
+    """Estimated error of all returns, relative to `level`."""
 
 
 def clip_by_silhouettes(
@@ -365,22 +345,21 @@ def clip_by_silhouettes(
     level: float,
     rtol: float,
 ) -> ClippedFacets:
-    """Look at facets on lattices, the finer the more may be missed, as
-    :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.sampled_fraction` does where shadows fall.
+    """Sample facets on lattices with the error budget of :func:`sample_visibility`.
 
     Parameters
     ----------
-    look
-        What tells which points are seen of the facets that it is given the numbers of.
+    sampler
+        Facet numbers to their visibility test.
     cut, width
-        (facet,) what each may return where a straight edge cuts it, and the phase between its ends, there and back
-        [rad], as of :func:`rfgen_sionna.tracing.shadows.return_bounds.returns_at_most`.
+        (facet,) bound of a cut facet and phase range [rad]
+        (:func:`rfgen_sionna.tracing.shadows.return_bounds.max_returns`).
     share
-        (facet,) of each that guiding rays tell of.
+        (facet,) visible share by guiding rays.
     level
-        What all facets return without interfering, in units of `cut`.
+        Incoherent sum of all returns, in units of `cut`.
     rtol
-        Allowed error of the return of all together.
+        Allowed relative error of the sum of all returns.
     """
     bent, share = CURVED_EDGE_ERROR * cut, share.copy()
     wanted = np.sqrt(bent / error_budget(bent, MISSED_PER_RTOL * rtol * level))
@@ -393,7 +372,7 @@ def clip_by_silhouettes(
     for own in np.split(some, np.flatnonzero(np.diff(batch)) + 1):
         unoccluded = find_visible_polygons(sampler(own), cells[own], width[own])
         share[own] = unoccluded.fraction
-        missed[np.setdiff1d(own, own[unoccluded.owner])] = 0.0  # no rim is on it
+        missed[np.setdiff1d(own, own[unoccluded.owner])] = 0.0  # no boundary
         order = np.argsort(unoccluded.owner, kind="stable")
         owners.append(own[unoccluded.owner[order]])
         pieces.append(unoccluded.pieces[order])

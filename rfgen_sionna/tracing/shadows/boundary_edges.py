@@ -1,4 +1,10 @@
-"""Straight pieces of shadows' edges on facets, as elements beside the phase centre see them."""
+"""Straight pieces of shadow boundaries on facets, and the correction of returns for elements beside the phase centre.
+
+Shadows are cast from the array's phase centre. For another element the boundary shifts by its offset times the distance
+from occluder to facet over that from radar to occluder. A pair sees the points that Tx and Rx both see, unless a slab
+casts the shadow (:mod:`rfgen_sionna.tracing.shadows.boundary_integrals`). The correction is the integral between both
+boundaries: first order in the width, with the full phase.
+"""
 
 from __future__ import annotations
 
@@ -17,56 +23,56 @@ from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.quadratic_patch import barycentric
 
 MAX_SLANT = 2.0
-"""By what factor the way on from what casts a shadow may change from one element to the next: beyond, a facet is seen
-along its plane."""
+"""Largest change of the way from occluder to facet between elements, as a factor: beyond it a facet is seen edge-on."""
 _TINY = 1e-4
-"""Width of the pieces that tell what a facet returns beside an edge, over its own."""
+"""Size of the small piece around an edge's middle, over the facet's: its phase is uniform."""
 _MAX_PHASE_ERROR = 0.03
-"""Phase that straight lines may miss at the ends of a piece of an edge [rad]."""
+"""Largest phase error of a straight piece at its ends [rad]: 30 dB below its return."""
 _MOST_PIECES = 256
+"""Most pieces of one edge; bounds memory for facets of many wavelengths."""
 _LEFT_PER_RTOL = 1.0
-"""What edges that are left out may come to by :meth:`ShadowEdges.return_bounds`, per unit of the tolerance."""
+"""Bound on the return of skipped edges per unit of the tolerance (:meth:`ShadowEdges.return_bounds`)."""
 _LIKELY, _MISSED = 0.2, (0.005, 0.015)
-"""What strips return, over that, and what is missed of it, on flat facets and on bent ones: there shadows of bodies are
-made of many short edges, of which ever more are found the more closely they are looked at."""
+"""Typical return of a boundary over its bound, and the error of that on flat and on curved facets, which have many
+short edges; measured on plates and bodies."""
 
 
 @dataclass(frozen=True)
 class ShadowEdges:
-    """Straight pieces of shadows' edges on facets."""
+    """Straight pieces of shadow boundaries on facets."""
 
     owner: NDArray[np.intp]
-    """(edge,) facet that each falls on."""
+    """(edge,) facet of each edge."""
     piece: NDArray[np.intp]
-    """(edge,) piece of a facet that it bounds."""
+    """(edge,) visible piece that it bounds."""
     small_piece: FloatArray
     """(edge, corner, 3) barycentric coordinates of a small piece of the facet around the edge's middle."""
     area: FloatArray
-    """(edge,) of that [m^2]."""
+    """(edge,) area of the small piece [m^2]."""
     middle: FloatArray
-    """(edge, 3) of the edge [m], from the viewpoint."""
+    """(edge, 3) middle of the edge [m], from the viewpoint."""
     along: FloatArray
-    """(edge, 3) unit vector, and the length (edge,) [m]."""
+    """(edge, 3) unit vector along the edge; `length` (edge,) [m]."""
     length: FloatArray
     tangents: FloatArray
-    """(edge, 2, 3) of the surface, which may be bent, for a metre across and along; and (edge, 3, 3) its second
-    derivatives [1/m]: across, along and mixed."""
+    """(edge, 2, 3) surface tangents across and along the edge; `edge_curvature` (edge, 3, 3) holds the second
+    derivatives across, along and mixed [1/m]."""
     edge_curvature: FloatArray
     inward: FloatArray
-    """(edge, 3) unit vector on the facet, across the edge to the side that is lit."""
+    """(edge, 3) unit vector in the facet, across the edge to the visible side."""
     normal: FloatArray
-    """(edge, 3) unit vector."""
+    """(edge, 3) unit normal."""
     occluder: FloatArray
-    """(edge,) how far it is to what casts the shadow, over the way to the edge."""
+    """(edge,) occluder's distance over the edge's."""
     weight: FloatArray
-    """(edge,) how much of it counts, 0 … 1."""
+    """(edge,) weight of the correction, 0 … 1."""
     band: FloatArray
-    """(edge,) how far it is lit, on from the edge [m], and how far (edge,) it is to what casts the shadow from there
-    on, over the way there; infinity and NaN where that is further than any element tells."""
+    """(edge,) width of the visible band beside the edge [m]; `next_occluder` (edge,) is the distance ratio of the
+    occluder at its far end. Infinity and NaN where the band is wider than the array resolves."""
     next_occluder: FloatArray
     through: ComplexArray
-    """(edge, 2, 3) amplitude that what casts the shadow lets through, one way, and there and back, at the first, the
-    middle and the last frequency of the band; (edge, 0, 3) where slabs are not seen through."""
+    """(edge, 2, 3) amplitude transmitted by the occluder, one way and two ways, at the lowest, middle and highest
+    frequency; (edge, 0, 3) without slabs."""
 
     @staticmethod
     def of(
@@ -130,10 +136,22 @@ class ShadowEdges:
         level: FloatArray,
         rtol: float,
     ) -> tuple[ShadowEdges, FloatArray]:
-        """Those that return enough to count, by :meth:`return_bounds`, as far as they are `known` (edge,), and what is missed
-        of each group, relative to its `level` (group,), for those that are left out, for what the others are off by and
-        for what comes from where they are `unknown` (edge,); `group` (edge,), and whether they are on `bent` facets
-        (edge,). An edge that grows counts little by little."""
+        """Edges with a significant return, weighted, and the error (group,) of each group relative to its `level`
+        (group,).
+
+        Parameters
+        ----------
+        return_bounds, unknown, known
+            (edge,) from :meth:`return_bounds`.
+        curved
+            (edge,) whether the facet is curved.
+        group
+            (edge,) group of each edge.
+        level
+            (group,) reference level.
+        rtol
+            Allowed relative error.
+        """
 
         def energy(strength: FloatArray) -> FloatArray:
             return np.asarray(np.bincount(group, strength**2, len(level)))
@@ -148,7 +166,7 @@ class ShadowEdges:
         return replace(self, weight=weight).take(np.flatnonzero(weight)), missed
 
     def with_curvature(self, facets: Facets) -> ShadowEdges:
-        """The same on `facets` as they are bent."""
+        """The same edges on curved `facets`."""
         if facets.patch is None or not len(self.owner):
             return self
         corners = np.take(facets.corners, self.owner, axis=0)
@@ -159,35 +177,45 @@ class ShadowEdges:
         return replace(self, tangents=self.tangents + slope[:, :2], edge_curvature=edge_curvature)
 
     def take(self, index: NDArray[np.intp] | slice) -> ShadowEdges:
-        """Those that `index` counts out."""
+        """Edges of an index."""
         return self._map(lambda name: getattr(self, name)[index])
 
     @staticmethod
     def joined(parts: Sequence[ShadowEdges]) -> ShadowEdges:
-        """One after the other."""
+        """Concatenation."""
         return parts[0]._map(lambda name: np.concatenate([getattr(each, name) for each in parts]))
 
     def _map(self, column: Callable[[str], NDArray[Any]]) -> ShadowEdges:
         return ShadowEdges(**{each.name: column(each.name) for each in fields(self)})
 
     def shifts(self, elements: FloatArray) -> FloatArray:
-        """(element, edge) how far inward the edge is for `elements` (element, 3) [m] from the viewpoint [m]."""
+        """(element, edge) inward shift of the boundary for `elements` (element, 3) [m] from the viewpoint [m]."""
         return _shifts(elements, self.middle, self.inward, self.normal, self.occluder)
 
     def return_bounds(
         self, tx: FloatArray, rx: FloatArray, wavenumber: float, edge_curvature: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(edge,) about what any pair sees more or less beside each edge, in units of
-        :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.Sampled.returned`: twice the solid angle of its strip;
-        what (edge,)
-        it may return where the surface so far aside is not known; and how far (edge,) it is, 0 … 1. Facets bend by
-        `edge_curvature` (edge,) [1/m], the largest curvature.
+        """Bounds on the correction of any element pair, in units of :attr:`SampledVisibility.returned`: twice the solid
+        angle.
 
-        A wide strip on what lies aslant, the limb of a ball, returns what comes from its two sides alone: across it the
-        phase turns by 2 k sin(t) a metre at an angle t to the normal. Along a way of curvature b that changes by
-        d sin(t) = b cos(t) ds, so over all of the strip by b times its width as it is seen at most. And pieces of an
-        edge add up in phase as far as that stays the same along it, to where it has turned by 1 rad or to half the
-        first Fresnel zone: side by side, short ones count as more by the root of how many there are in that length."""
+        Along the edge the phase turns, which limits coherent addition. On a grazing surface of curvature b the phase
+        gradient changes across the boundary by b times its projected width, so that only its two sides contribute.
+        Short neighbouring pieces add coherently up to a phase of 1 rad or half the first Fresnel zone.
+
+        Parameters
+        ----------
+        tx, rx
+            (element, 3) [m] from the viewpoint.
+        wavenumber
+            [rad/m].
+        edge_curvature
+            (edge,) largest curvature of the facet [1/m].
+
+        Returns
+        -------
+        bound, unknown, known
+            (edge,) bound; bound where the surface beside the edge is unknown; known share of the width, 0 … 1.
+        """
         distance = np.maximum(lengths(self.middle), 1e-9)
         towards = self.middle / distance[:, None]
         turn = 2.0 * wavenumber * np.abs(np.einsum("ei,ei->e", self.along, towards))
@@ -222,19 +250,19 @@ def _shifts(
 
 
 class BoundaryCorrection(NamedTuple):
-    """What pairs see more, or less, of facets that shadows' edges fall on than what is seen from the phase centre."""
+    """Corrections of facet returns for the elements' own shadow boundaries."""
 
     owner: NDArray[np.intp]
-    """(edge,) facet that each edge falls on."""
+    """(edge,) facet of each edge."""
     gains: ComplexArray
-    """(order, tx, rx, edge) as polynomials in u, by way of the facets' points."""
+    """(order, tx, rx, edge) polynomials in u, with delays by the facets' reference points."""
 
     def take(self, index: NDArray[np.intp] | slice) -> BoundaryCorrection:
-        """Those of the edges that `index` counts out."""
+        """Corrections of an index of edges."""
         return BoundaryCorrection(self.owner[index], self.gains[..., index])
 
     def within(self, chosen: NDArray[np.intp]) -> BoundaryCorrection:
-        """Those of the facets that `chosen` counts out, ascending, counted among these."""
+        """Corrections of the `chosen` facets, ascending, renumbered."""
         if not len(chosen):
             return BoundaryCorrection(np.zeros(0, np.intp), self.gains[..., :0])
         place = np.minimum(np.searchsorted(chosen, self.owner), len(chosen) - 1)
@@ -242,11 +270,11 @@ class BoundaryCorrection(NamedTuple):
         return BoundaryCorrection(place[mine], self.gains[..., mine])
 
     def split(self, facets: int, times: int) -> list[BoundaryCorrection]:
-        """Those of each of so many `times`, where as many `facets` of one time come after the other's."""
+        """Corrections of each of `times` equal runs of `facets`."""
         return [self.within(np.arange(first, first + facets)) for first in range(0, facets * times, facets)]
 
     def of_first(self, facets: int) -> ComplexArray:
-        """(facet,) of the first pair in the middle of the band."""
+        """(facet,) correction of the first pair at the centre frequency."""
         gains = self.gains[0, 0, 0]
         return np.asarray(
             np.bincount(self.owner, gains.real, facets) + 1j * np.bincount(self.owner, gains.imag, facets), complex
@@ -261,6 +289,6 @@ class BoundaryCorrection(NamedTuple):
 
     @staticmethod
     def joined(parts: Sequence[BoundaryCorrection]) -> BoundaryCorrection:
-        """One after the other."""
+        """Concatenation."""
         owner, gains = (np.concatenate([each[k] for each in parts], axis=-1) for k in (0, 1))
         return BoundaryCorrection(owner, gains)

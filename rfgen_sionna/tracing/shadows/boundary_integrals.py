@@ -1,13 +1,11 @@
-"""What pairs see beside shadows' edges: integrals over strips, on Dr.Jit's float64 arrays (LLVM or CUDA).
+"""Integrals between shadow boundaries of the phase centre and of element pairs, in float64 on Dr.Jit (LLVM or CUDA).
 
-One lane for each edge and pair of elements; a strip is integrated across by Gauss' points, as many as its phase asks
-for, and along in closed form, in as many parts as have a straight phase.
+One lane per edge and pair. Across the boundary Gauss quadrature follows the phase; along it the integral has a closed
+form for parts of linear phase.
 
-Be S(x) the integral over the strip from the phase centre's edge to x, towards the light, and n and f where the edges of
-the two elements are, f further that way. Beside an opaque edge a pair has S(f) less than the centre. Where a slab casts
-the shadow, and lets an amplitude of t through, and of t' there and back, the centre has 1 on the lit side and t' on the
-other, a pair t' as far as n, t from there to f, where one way goes through the slab, and 1 beyond: in all
-(1 - t) S(f) + (t - t') S(n) less.
+Let S(x) be the integral from the phase centre's boundary to x, towards the visible side, and n and f the boundaries of
+the two elements, f the further. Behind an opaque occluder a pair has S(f) less than the centre. Behind a slab with
+amplitude transmission t one way and t' two ways it has (1 - t) S(f) + (t - t') S(n) less.
 """
 
 from __future__ import annotations
@@ -21,15 +19,17 @@ from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.tracing.shadows.boundary_edges import MAX_SLANT, ShadowEdges
 
 _ACROSS = (0.15, 1.0, 4.0, 12.0, 28.0)
-"""Up to how many radians from one side of a strip to the other each of the next has enough points."""
+"""Largest phase range across the boundary [rad] for 1, 2, 4 … Gauss points."""
 _RULES = [np.polynomial.legendre.leggauss(2**k) for k in range(len(_ACROSS) + 1)]
+"""Gauss-Legendre rules of 1, 2, 4 … points."""
 _POINTS = np.concatenate([np.column_stack([0.5 + 0.5 * place, 0.5 * weight]) for place, weight in _RULES])
-"""(point, 2) their places, 0 … 1, and weights; those of 2^k begin at number 2^k - 1."""
+"""(point, 2) abscissas in 0 … 1 and weights; the rule of 2^k points begins at 2^k - 1."""
 _MAX_ARCH = 0.03
-"""Phase that the parts of a strip may be bowed by from their middle to their ends [rad]."""
+"""Largest quadratic phase of a part between its middle and its ends [rad]: 30 dB below its return."""
 _MOST_PARTS = 64.0
+"""Most parts along an edge; bounds the time of a lane."""
 _MOST_SKEW = 3.0
-"""By how many metres along a strip's sides may go on a metre across."""
+"""Largest skew of a boundary's ends, metres along per metre across: beyond it the edge points at the viewpoint."""
 _COLUMNS = ("middle", "inward", "normal", "across", "along", "edge_curvature", "arch", "twist", "reference")
 
 
@@ -42,21 +42,20 @@ def boundary_gains(
     gains: ComplexArray,
     reference: FloatArray,
 ) -> ComplexArray:
-    """(order, tx, rx, edge) gains of strips: what each pair sees more beside each edge than from the viewpoint, or
-    less, as polynomials over the band.
+    """(order, tx, rx, edge) corrections: gains of each pair minus those of the viewpoint, as polynomials over the band.
 
     Parameters
     ----------
     edges
-        The edges, seen from the viewpoint.
+        Shadow edges as seen from the viewpoint.
     tx, rx
-        (element, 3) [m] from there.
+        (element, 3) [m] from the viewpoint.
     centre, half_band
-        The band [Hz].
+        Band [Hz].
     gains
-        (order, tx, rx, edge) of the small pieces around the edges' middles, by way of these.
+        (order, tx, rx, edge) gains of the edges' small pieces.
     reference
-        (edge, 3) points [m] from the viewpoint that delays go by instead.
+        (edge, 3) reference points of the delays [m] from the viewpoint.
     """
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32
@@ -98,15 +97,14 @@ def boundary_gains(
 
 
 def _shares(through: ComplexArray) -> ComplexArray:
-    """(strip, power, edge) how much of the further and of the nearer strip a pair has less, as polynomials in u, of
-    what comes `through` (edge, 2, 3)."""
+    """(strip, power, edge) polynomial weights of S(f) and S(n), for the transmission `through` (edge, 2, 3)."""
     once, twice = through[:, 0], through[:, 1]
     low, middle, high = np.stack([1.0 - once, once - twice]).transpose(2, 0, 1)
     return np.ascontiguousarray(np.stack([middle, 0.5 * (high - low), 0.5 * (high + low) - middle], axis=1))
 
 
 def _integrate_boundaries(given: dict[str, Any], orders: int, through: bool) -> None:
-    """The kernel of :func:`boundary_gains`; `through`, slabs let some of the light through."""
+    """Kernel of :func:`boundary_gains`; `through` includes slab transmission."""
     dr, types = drjit_types()
     Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
     lane, edges, receivers, count = (given[name] for name in ("lanes", "edges", "receivers", "count"))
@@ -128,7 +126,7 @@ def _integrate_boundaries(given: dict[str, Any], orders: int, through: bool) -> 
     )
 
     def moved(middle: Any, inward: Any, occluder: Any) -> tuple[Any, Any]:
-        """The further and the nearer one of the two ends' edges."""
+        """The further and the nearer boundary of both ends."""
         height, there = dr.dot(normal, middle), dr.dot(inward, middle)
         indirect, nearer = Float(-dr.inf), Float(dr.inf)
         for each in ends:
@@ -136,20 +134,19 @@ def _integrate_boundaries(given: dict[str, Any], orders: int, through: bool) -> 
             below = occluder * height - own
             on = (height - own) * occluder / dr.select(abs(below) > 1e-12, below, 1e-12)
             on = dr.clip(on, 1.0 / MAX_SLANT, MAX_SLANT) / dr.maximum(occluder, 1e-6)
-            # From the element by way of what casts the shadow, `on` times as far as that.
+            # From the element through the occluder, `on` times as far.
             own = here + on * (occluder * there - here) - there
             indirect, nearer = dr.maximum(indirect, own), dr.minimum(nearer, own)
         return indirect, nearer
 
     width, nearer = moved(middle, inward, occluder)
-    # Where the lit band beside the edge ends no pair sees less than nothing of it; half of what it would is spared
-    # here, and half at the other edge.
+    # No pair sees less than nothing of a narrow visible band: half of the excess is cut here, half at its other edge.
     ended = dr.isfinite(band)
     far = dr.select(ended, band, 0.0)
     left = far - width - moved(middle + far * inward, -inward, dr.select(ended, next_occluder, 1.0))[0]
     width = width + dr.select(ended, 0.5 * dr.minimum(left, 0.0), 0.0)
 
-    # Sides of a strip go across as the viewpoint sees it, so that those of neighbours meet.
+    # Ends run across as seen from the viewpoint, so that neighbours meet.
     visible = middle / dr.maximum(dr.norm(middle), 1e-9)
     ahead = dr.dot(along, visible)
     skew = dr.dot(across, visible) * ahead - dr.dot(across, along)
@@ -173,12 +170,12 @@ def _integrate_boundaries(given: dict[str, Any], orders: int, through: bool) -> 
         )
         arched = arched + wavenumber * ((dr.dot(along, along) - sloped * sloped) / distance + dr.dot(towards, arch))
         twisted = twisted + wavenumber * ((dr.dot(across, along) - slope * sloped) / distance + dr.dot(towards, twist))
-        # From the edge's middle to the point that delays go by.
+        # From the edge's middle to the delays' reference point.
         own = (dr.norm(offset) - dr.norm(reference - each)) / SPEED_OF_LIGHT
         way, cycles = way + own, cycles + (centre * own - dr.floor(centre * own))
 
     def strip(width: Any) -> Any:
-        """What the strip as far as a `width` returns, over what the small piece does."""
+        """Integral up to `width`, over that of the small piece."""
         spread = abs(turn * width) + 0.5 * abs(sagitta_error) * width * width
         kind = UInt32(0)
         for limit in _ACROSS:
@@ -188,7 +185,7 @@ def _integrate_boundaries(given: dict[str, Any], orders: int, through: bool) -> 
         half = 0.5 * length / parts
 
         def step(number: Any, real: Any, imaginary: Any) -> tuple[Any, Any, Any]:
-            # Point by point across and, from there, part by part along.
+            # Points across vary fastest, then parts along.
             place, weight = (
                 dr.gather(Float, given["points"], 2 * (many - 1 + (number & (many - 1))) + k) for k in range(2)
             )

@@ -1,4 +1,4 @@
-"""Looking at facets: points on lattices tell what of each is seen, and where shadows' edges run on it."""
+"""Sampling of facets' visibility on lattices, with the shadow boundaries on each facet."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ from rfgen_sionna.tracing.shadows.visible_polygons import (
 from rfgen_sionna.tracing.surface.quadratic_patch import barycentric
 
 _BUNDLED = 8
-"""Rays to a facet from which they are quicker in packets."""
+"""Rays per facet from which packets of rays are faster."""
 _BATCH = 500_000
-"""Points that are looked at together."""
+"""Points per batch; bounds memory."""
 _HIDDEN = 4e-3
-"""Of facets that no edge is known to pass, the energy of what their returns miss for those that pass all the same, over
-that of what they may return when cut: in a furnished room, of small ones."""
+"""Energy that undetected boundaries miss, over that of the returns that they could cut; measured in a furnished
+room."""
 _SEARCHED = 2
-"""Level of the lattices on which such edges are looked for: three times as many find edges on one facet in a thousand
-of a furnished room, and leave it as far off as these do, to 0.02 % of what it returns."""
+"""Lattice level of the search: finer ones find more edges on one facet in a thousand, which return 0.02 %."""
 _BESIDE, _BAND_HALVINGS, _ITSELF = 1e-3, 8, 0.98
-"""Where it is surely lit beside an edge, over how far elements tell; how often what is between there and the dark is
-halved for the other edge; and the share of the way there from which what hides is the surface itself."""
+"""Offset into the visible side over the search width; bisections of the band's far end; and the ratio of distances from
+which the occluder counts as the surface itself."""
 
 
 class OccluderTest(Protocol):
-    """A :class:`~rfgen_sionna.scene.rays.RayScene`, or :class:`~rfgen_sionna.scene.occluders.Occluders`."""
+    """A :class:`~rfgen_sionna.scene.rays.RayScene` or :class:`~rfgen_sionna.scene.occluders.Occluders`."""
 
     def targets(
         self, viewpoint: FloatArray, corners: FloatArray, facets: Any, moving: bool = False, bundled: bool = False
     ) -> PointVisibility:
-        """Points on pieces of `facets` that are to be looked at."""
+        """Visibility test of points on pieces of `facets`."""
 
 
 class LatticeSampler:
-    """Looks at facets, at some of them again: then the latest counts. The arguments are those of
-    :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.sampled_fraction`, the phase between their ends, `width`
-    (facet,)
-    [rad], and the `fraction` (facet,) that is known, and written to."""
+    """Samples facets on lattices; the latest sample of a facet counts.
+
+    The arguments are those of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.sample_visibility`, with the phase
+    range `width` (facet,) [rad] and the visible `fraction` (facet,), which is updated.
+    """
 
     def __init__(
         self,
@@ -62,12 +62,12 @@ class LatticeSampler:
         self._rays, self._viewpoint, self._moving = rays, viewpoint, moving
         self._corners, self._facet, self._width, self._fraction = corners, facet, width, fraction
         self.lattice: NDArray[np.intp] = np.full(len(corners), -1, np.intp)
-        """(facet,) level of the lattice on which each was looked at, -1 for none."""
+        """(facet,) level of the latest lattice; -1 before the first."""
         self._turn = np.zeros(len(corners), np.intp)
         self._found: list[tuple[int, NDArray[np.intp], VisiblePolygons]] = []
 
     def sample(self, chosen: NDArray[np.intp], level: NDArray[np.intp]) -> None:
-        """Look at the `chosen` facets, at each on a lattice of its `level` (facet,)."""
+        """Sample the `chosen` facets on lattices of their `level` (facet,)."""
         self.lattice[chosen] = level[chosen]
         turn = len(self._found)
         self._turn[chosen] = turn
@@ -80,14 +80,15 @@ class LatticeSampler:
             self._fraction[some] = unoccluded.fraction
 
     def sample_sides(self, whole: NDArray[np.intp], places: IntArray, others: IntArray | None) -> int:
-        """Find edges that fall between two facets, of which one is seen as a `whole` and the other is not; returns the
-        rays sent. `places` (facet, 3) are those of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.touching`,
-        and there
-        may be `others` (facet, 3) that are not seen."""
+        """Find shadow boundaries along the sides that fully visible facets (`whole`) share with occluded ones.
+
+        `places` (facet, 3) are numbers of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.shared_vertices`,
+        `others` (facet, 3) those of further occluded facets. Returns the number of rays.
+        """
         occluded = places[self._fraction == 0]
         occluded = occluded if others is None else np.concatenate([occluded, others])
         row, corner = np.nonzero(np.isin(_sides(places[whole]), _sides(occluded)))
-        row, one = np.unique(row, return_index=True)  # of several sides, one
+        row, one = np.unique(row, return_index=True)  # one side per facet
         if not len(row):
             return 0
         some, corner = whole[row], corner[one]
@@ -106,9 +107,12 @@ class LatticeSampler:
         return len(some)
 
     def collect(self, reach: float, least: float) -> tuple[NDArray[np.intp], FloatArray, FloatArray, int]:
-        """(piece,) facet of each piece, ascending, (piece, corner, 3) the pieces, (piece, 4) what hides the rest,
-        and the number of rays. Where elements within `reach` [m] see edges elsewhere by more than `least` [m], what is
-        beyond the lit side is looked for."""
+        """All pieces: (piece,) facet, ascending, (piece, corner, 3) corners, (piece, 4) occluders; and the number of
+        rays.
+
+        Where elements within `reach` [m] see a boundary shifted by more than `least` [m], the far end of its visible
+        band is searched.
+        """
         owner = np.concatenate([some[unoccluded.owner] for _, some, unoccluded in self._found])
         pieces, occluder = (
             np.concatenate([getattr(unoccluded, each) for _, _, unoccluded in self._found])
@@ -129,8 +133,8 @@ class LatticeSampler:
     def _bands(
         self, owner: NDArray[np.intp], pieces: FloatArray, occluder: FloatArray, reach: float, least: float
     ) -> tuple[FloatArray, int]:
-        """(piece, 2) how far [m] the facet's plane is lit beside each shadow's edge, and how far off what casts the
-        other edge is; and the rays sent."""
+        """(piece, 2) width [m] of the visible band beside each boundary, and its far occluder's ratio; and the rays
+        sent."""
         found = np.tile([np.inf, np.nan], (len(owner), 1))
         off = occluder.mean(axis=1)
         some = np.flatnonzero(reach * (1.0 - off) > least * off)  # not NaN
@@ -149,7 +153,7 @@ class LatticeSampler:
         owners = owner[some]
         targets = self._rays.targets(self._viewpoint, self._corners[owners], self._facet[owners], self._moving)
         crossing, beyond = targets.edges(np.arange(len(some)), edge + _BESIDE * way, edge + way, _BAND_HALVINGS)
-        # What hides it there is not the surface itself, which is bent.
+        # Occluders other than the curved surface itself.
         hidden = np.flatnonzero(beyond < _ITSELF)
         share = ((crossing - edge) * way).sum(axis=1)[hidden] / np.maximum((way**2).sum(axis=1)[hidden], 1e-300)
         found[some[hidden]] = np.column_stack([share * width[hidden], beyond[hidden]])
@@ -166,9 +170,12 @@ def search_lattices(
     cut: FloatArray,
     allowed: float,
 ) -> tuple[NDArray[np.intp], FloatArray, int]:
-    """(facet,) level of the lattice on which each was found not to be what it is `taken` (facet,) for, seen or not, -1
-    for all others; what those that are not looked at may miss (facet,); and the rays sent. Those that matter most are
-    looked at, by what they may return when `cut` (facet,), until the others make up no more than is `allowed`."""
+    """Search facets without a known boundary for one.
+
+    The facets with the largest returns `cut` (facet,) are sampled until the rest adds up to `allowed`. Returns (facet,)
+    the lattice level of those that differ from `taken` (facet,), -1 elsewhere; (facet,) the error of skipped facets;
+    the rays.
+    """
     order = np.argsort(cut, kind="stable")
     few = int(np.searchsorted(np.cumsum(_HIDDEN * cut[order] ** 2), allowed**2))
     missed, found = np.zeros(len(cut)), np.full(len(cut), -1, np.intp)
@@ -183,6 +190,6 @@ def search_lattices(
 
 
 def _sides(places: IntArray) -> NDArray[np.int64]:
-    """(facet, corner) numbers of the sides across the corners at `places` (facet, 3)."""
+    """(facet, corner) key of the side opposite each corner, for vertex numbers `places` (facet, 3)."""
     one, other = places[:, [1, 2, 0]].astype(np.int64), places[:, [2, 0, 1]].astype(np.int64)
     return np.asarray((np.minimum(one, other) << 32) + np.maximum(one, other))

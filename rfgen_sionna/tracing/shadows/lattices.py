@@ -1,4 +1,4 @@
-"""Lattices of points on facets."""
+"""Lattices of sample points on facets, and the visible triangles of lattice cells that a shadow boundary cuts."""
 
 from __future__ import annotations
 
@@ -11,39 +11,42 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray
 
 SPACINGS = (1, 2, 4, 8, 16, 32)
-"""Cells along a facet's edge, level by level."""
+"""Cells along a facet's edge for each lattice level."""
 INSET = 5e-4
+"""Share of the way to `_INSET_CENTRE` by which ray targets are moved: far above rounding, far below a cell."""
 _INSET_CENTRE = np.array([0.36, 0.31, 0.33])
-"""Rays go to points that much nearer to this one of the facet, barycentric: a ray in the very plane of an edge before
-it may get through between the two faces that meet there, as rays to corners of symmetric bodies do."""
+"""Barycentric point towards which ray targets are moved: off every axis of symmetry, as a ray in the plane of an edge
+may slip between two faces."""
 
 
 class Lattice(NamedTuple):
+    """Regular triangular lattice in barycentric coordinates."""
+
     points: FloatArray
-    """(point, 3) barycentric."""
+    """(point, 3) barycentric coordinates."""
     cells: NDArray[np.intp]
-    """(cell, 3) points at the corners, in the facet's sense; four by four they make up a cell of the level above."""
+    """(cell, 3) corner points in the facet's orientation; four consecutive cells form one cell of the level above."""
     edges: NDArray[np.intp]
-    """(edge, 2) points."""
+    """(edge, 2) end points."""
     sides: NDArray[np.intp]
     """(cell, 3) edge from each corner to the next."""
     neighbours: NDArray[np.intp]
-    """(cell, 3) the cell across each of these edges, -1 beside the facet."""
+    """(cell, 3) cell across each of these edges; -1 outside the facet."""
     border: NDArray[np.intp]
-    """(edge,) corner of the facet opposite the side that an edge lies on, -1 within the facet."""
+    """(edge,) facet corner opposite the facet side that contains the edge; -1 inside the facet."""
     corner_points: NDArray[np.intp]
-    """(3,) points in the facet's corners."""
+    """(3,) points at the facet's corners."""
 
 
 @cache
 def inset_lattice(level: int, share: float) -> FloatArray:
-    """(point, 3) where rays go that look at the points of the lattice of a `level`, by that share nearer to the
-    middle."""
+    """(point, 3) ray targets of a lattice, moved by `share` towards the facet's inside."""
     return inset_points(lattice_of(level).points, share)
 
 
 @cache
 def lattice_of(level: int) -> Lattice:
+    """Lattice of a level, an index into `SPACINGS`."""
     cells = np.eye(3)[None]
     for _ in range(level):
         a, b, c = (cells[:, i] for i in range(3))
@@ -69,7 +72,7 @@ def lattice_of(level: int) -> Lattice:
 
 
 class LatticeGroup(NamedTuple):
-    """Facets of one level that are seen in part."""
+    """Partly visible facets that share one lattice level."""
 
     facets: NDArray[np.intp]
     lattice: Lattice
@@ -77,13 +80,14 @@ class LatticeGroup(NamedTuple):
     unoccluded: NDArray[np.bool_]
     """(facet, point)"""
     corners: tuple[NDArray[np.bool_], ...]
-    """(facet, cell) whether the first, the second and the third corner of each cell is seen."""
+    """(facet, cell) visibility of the first, second and third corner of each cell."""
     row: NDArray[np.intp]
-    """(crossing,) facet of the group, and the edge that the shadow's edge crosses."""
+    """(crossing,) facet of the group; `edge` is the lattice edge that the shadow boundary crosses."""
     edge: NDArray[np.intp]
 
     @staticmethod
     def of(facets: NDArray[np.intp], level: int, unoccluded: NDArray[np.bool_]) -> LatticeGroup:
+        """Group with all lattice edges whose ends differ in visibility."""
         lattice = lattice_of(level)
         corners = tuple(np.take(unoccluded, each, axis=1) for each in lattice.cells.T)
         first, second = (np.take(unoccluded, each, axis=1) for each in lattice.edges.T)
@@ -91,26 +95,29 @@ class LatticeGroup(NamedTuple):
 
 
 def inset_points(places: FloatArray, share: float = INSET) -> FloatArray:
-    """Barycentric coordinates of where rays go that look at `places` (ray, 3)."""
+    """Ray targets (ray, 3) for barycentric `places` (ray, 3), moved by `share` towards the facet's inside."""
     return np.asarray(places + share * (_INSET_CENTRE - places))
 
 
 def points_of(level: NDArray[np.intp]) -> NDArray[np.intp]:
-    """How many points lattices of the `level` have."""
+    """Number of points of lattices of a `level`."""
     cells = np.array(SPACINGS)[level]
     return np.asarray((cells + 1) * (cells + 2) // 2, np.intp)
 
 
 _ALONG = 3.0
-"""How many times as far from a side the other end of a line has to be for it to be followed as far as that side."""
+"""Least ratio of the two ends' distances from a side for a line to be extended to that side."""
 _TURNS_FROM, _SHARP = 2, 0.35
-"""Level of lattice from which on corners of shadows are looked for, and the sine of the least angle of one: a bent edge
-that turns by less from cell to cell is cut off by straight lines, which miss half as much of it."""
+"""First lattice level at which shadow corners are sought, and the least sine of their angle: below it straight lines
+miss half as much as at a smooth curve."""
 
 
 def extend_to_side(points: FloatArray, others: FloatArray, corner: NDArray[np.intp]) -> FloatArray:
-    """(point, 3) `points` (point, 3) just within a facet on lines that come from `others` (point, 3), on where these
-    cross the side opposite a `corner` (point,); as they are where that is -1, or lines run along the side."""
+    """Extend lines to the facet's border.
+
+    `points` (point, 3) lie just inside the facet on lines from `others` (point, 3). Each moves to the side opposite its
+    `corner` (point,); it stays where the corner is -1 or the line runs along the side.
+    """
     row = np.arange(len(points))
     here, there = points[row, corner], others[row, corner]
     step = np.where((corner >= 0) & (there > _ALONG * here), here / np.where(there > here, there - here, 1.0), 0.0)
@@ -120,8 +127,11 @@ def extend_to_side(points: FloatArray, others: FloatArray, corner: NDArray[np.in
 def cut_cells(
     group: LatticeGroup, crossings: FloatArray, occluder: FloatArray
 ) -> tuple[list[tuple[NDArray[np.intp], FloatArray, FloatArray]], tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """What is seen of cells that the shadow's edge cuts, in triangles, with their :attr:`Lit.occluder`; and the row and
-    the cell of those whose corners are all seen, and which a shadow's corner reaches into all the same."""
+    """Visible triangles of cells that a shadow boundary cuts: (facet row, triangle, occluder) for each kind of
+    triangle.
+
+    The second result is the row and cell of fully visible cells that a shadow's corner enters from a neighbour.
+    """
     lattice = group.lattice
     number = np.full((len(group.facets), len(lattice.edges)), -1)
     number[group.row, group.edge] = np.arange(len(group.row))
@@ -145,7 +155,7 @@ def cut_cells(
         if group.level >= _TURNS_FROM:
             before, after = (_entry_point(group, number, crossings, row, cell, turns[i]) for i in (0, 2))
             x, within, beyond = _corner_point(ab, ca, before, after, (a, b, c))
-        # Across the third side, where no corner of a cell tells of it.
+        # Across the third side, which no corner of the cell detects.
         side = turns[1]
         there, beyond = _neighbour_cell(lattice, number, row, cell, side, x, beyond)
         straight = ~(within | beyond)
@@ -182,8 +192,7 @@ def _neighbour_cell(
     tip: FloatArray,
     beyond: NDArray[np.bool_],
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """(cut,) the cell across a `side` (cut,) of the `cell` (cut,), and whether a `tip` (cut, 3) that is `beyond` (cut,)
-    that side lies in it, and nothing else is known to pass it."""
+    """(cut,) cell across a `side`, and whether it contains the `tip` (cut, 3) and no other boundary."""
     there = lattice.neighbours[cell, side]
     known = (there >= 0) & (number[row[:, None], lattice.sides[there]] < 0).all(axis=1) & beyond
     a, b, c = np.moveaxis(lattice.points[lattice.cells[there]][..., :2], 1, 0)
@@ -198,7 +207,7 @@ def _neighbour_cell(
 
 
 def _line_crossing(start: FloatArray, tip: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """(cut, 3) where lines from `start` (cut, 3) to a `tip` meet those from `b` to `c`, all (cut, 3)."""
+    """(cut, 3) intersections of the lines from `start` to `tip` with those from `b` to `c`, all (cut, 3)."""
     along, side = (tip - start)[:, :2], (c - b)[:, :2]
     with np.errstate(invalid="ignore", divide="ignore"):
         share = _cross((start - b)[:, :2], along) / _cross(side, along)
@@ -206,7 +215,7 @@ def _line_crossing(start: FloatArray, tip: FloatArray, b: FloatArray, c: FloatAr
 
 
 def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    """(...,) of vectors (..., 2)."""
+    """(...,) cross products of vectors (..., 2)."""
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
@@ -218,8 +227,7 @@ def _entry_point(
     cell: NDArray[np.intp],
     side: NDArray[np.intp],
 ) -> FloatArray:
-    """(cut, 3) where the shadow's edge came into the cell before, that across a `side` (cut,) of the `cell` (cut,) of a
-    facet in `row` (cut,); NaN where there is none."""
+    """(cut, 3) point where the shadow boundary entered the cell across a `side` (cut,); NaN without one."""
     lattice = group.lattice
     there = lattice.neighbours[cell, side]
     sides = lattice.sides[there]
@@ -232,10 +240,10 @@ def _entry_point(
 def _corner_point(
     one: FloatArray, other: FloatArray, before: FloatArray, after: FloatArray, cell: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.bool_]]:
-    """(cut, 3) where lines that come in from `before` (cut, 3) by `one` (cut, 3), on the cell's side from its first
-    corner to its second, and from `after` by the `other`, on that from the third to the first, meet; and (cut,) whether
-    that is within the `cell` (corner) (cut, 3), or beyond its third side: a straight edge ends there, and another one
-    goes on, as at a corner of what casts the shadow."""
+    """(cut, 3) corner of the shadow: intersection of the lines `before`-`one` and `after`-`other`, (cut, 3) each.
+
+    Returns the point, and (cut,) whether it lies within the `cell` or beyond the cell's third side.
+    """
     (p, q, back, on), (a, b, c) = ([each[:, :2] for each in some] for some in ((one, other, before, after), cell))
     buffer, out = p - back, q - on
 

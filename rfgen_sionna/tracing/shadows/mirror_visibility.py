@@ -1,4 +1,4 @@
-"""Points on facets that tell what is seen, and what mirrors show of facets."""
+"""Visibility of facets through plane mirrors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rfgen_sionna.tracing.shadows.visible_polygons import EDGE_INSET, bisect_edg
 
 
 def barycentric_lattice(n: int) -> FloatArray:
-    """(n^2, 3) barycentric centroids of the n^2 equal triangles that a triangle splits into."""
+    """(n^2, 3) barycentric centroids of the n^2 equal subtriangles."""
     upright = [(i + 1 / 3, j + 1 / 3) for i in range(n) for j in range(n - i)]
     inverted = [(i + 2 / 3, j + 2 / 3) for i in range(n) for j in range(n - i - 1)]
     u = np.array(upright + inverted) / n
@@ -23,36 +23,41 @@ def barycentric_lattice(n: int) -> FloatArray:
 
 
 GUIDE_POINTS = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
+"""Points of three guiding rays, one near each corner."""
 FINE_LATTICE = barycentric_lattice(4)
+"""Sixteen points of a partly visible facet."""
 _TIPS = inset_points(np.eye(3), EDGE_INSET)
+"""Guiding points next to the corners."""
 _LEAST_HEIGHT = 1e-4
-"""What lies nearer to a mirror than this [m] is on it."""
+"""Points nearer to a mirror's plane than this [m] lie on it."""
 _ABOVE = 2e-4
-"""Rays from mirror to mirror start this far above the first [m], which may be off its plane by half of it."""
+"""Start of rays above the first mirror [m], twice the tolerance of its plane."""
 
 
 @dataclass(frozen=True)
 class MirrorView:
-    """Which mirror shows each facet, and where the mirrors' faces are."""
+    """Mirror of each facet, and the mirrors' faces."""
 
     normal: FloatArray
-    """(facet, 3) unit vector of the facet's mirror, towards the viewpoint's side."""
+    """(facet, 3) unit normal of the facet's mirror, towards the viewpoint."""
     offset: FloatArray
     """(facet,) normal . x of the mirror [m]."""
     mirror: IntArray
     """(facet,) number of the mirror."""
     owner: IntArray
-    """(face,) number of the mirror that each face of the ray scene belongs to, -1 for none."""
+    """(face,) mirror of each face of the ray scene; -1 for none."""
 
     def take(self, index: NDArray[np.intp]) -> MirrorView:
-        """That of the facets that `index` counts out."""
+        """View of an index of facets."""
         return MirrorView(self.normal[index], self.offset[index], self.mirror[index], self.owner)
 
     def is_visible(
         self, rays: RayScene, viewpoint: FloatArray, targets: FloatArray, facet: IntArray
     ) -> tuple[NDArray[np.bool_], int]:
-        """(facet,) whether the viewpoint sees by each one's mirror a point on it, `targets` (facet, 3) [m], of which
-        `facet` (facet,) is the ray scene's face; and the rays sent."""
+        """Visibility through the mirror of one point on each facet.
+
+        `targets` (facet, 3) [m] lie on the ray scene's faces `facet` (facet,). Returns (facet,) and the number of rays.
+        """
         here = self.normal @ viewpoint - self.offset
         there = np.einsum("ri,ri->r", targets, self.normal) - self.offset
         found = there > _LEAST_HEIGHT
@@ -70,27 +75,26 @@ class MirrorView:
 
 @dataclass(frozen=True)
 class SecondOrderView(MirrorView):
-    """As :class:`MirrorView`, of mirrors that others show."""
+    """Mirrors that are seen through other mirrors."""
 
     first: MirrorView
-    """Of each facet the mirror that comes before its own."""
+    """First mirror of each facet."""
 
     def take(self, index: NDArray[np.intp]) -> SecondOrderView:
-        """That of the facets that `index` counts out."""
+        """View of an index of facets."""
         own = super().take(index)
         return SecondOrderView(own.normal, own.offset, own.mirror, own.owner, self.first.take(index))
 
     def is_visible(
         self, rays: RayScene, viewpoint: FloatArray, targets: FloatArray, facet: IntArray
     ) -> tuple[NDArray[np.bool_], int]:
-        """As there, by way of both mirrors."""
+        """Visibility through both mirrors, as in :meth:`MirrorView.is_visible`."""
         first = self.first
         image = viewpoint - 2.0 * (first.normal @ viewpoint - first.offset)[:, None] * first.normal
         place = _crossing(self, image, targets)
         turn = _crossing(first, np.broadcast_to(viewpoint, place.shape), place)
         found, sent = np.asarray(~np.isnan(place + turn).any(axis=1)), 0
         met = np.full(len(targets), -1, np.int64)
-        # A ray that leaves the first mirror starts a little above it.
         lifted = turn + _ABOVE * first.normal
         for start, end, by in ((np.broadcast_to(viewpoint, place.shape), turn, first), (lifted, place, self)):
             tried = np.flatnonzero(found)
@@ -103,8 +107,7 @@ class SecondOrderView(MirrorView):
 
 
 def _crossing(view: MirrorView, source: FloatArray, targets: FloatArray) -> FloatArray:
-    """(facet, 3) where ways from a `source` (facet, 3) to `targets` (facet, 3) meet each one's mirror [m]; NaN where
-    one of both is not before it."""
+    """(facet, 3) mirror points of the paths from `source` to `targets` (facet, 3) [m]; NaN behind the mirror."""
     here, there = (np.einsum("ri,ri->r", each, view.normal) - view.offset for each in (source, targets))
     share = here / np.where((here > _LEAST_HEIGHT) & (there > _LEAST_HEIGHT), here + there, np.nan)
     foot, other = (each - height[:, None] * view.normal for each, height in ((source, here), (targets, there)))
@@ -113,33 +116,33 @@ def _crossing(view: MirrorView, source: FloatArray, targets: FloatArray) -> Floa
 
 @dataclass(frozen=True)
 class MirroredShares:
-    """Visible shares of facets that mirrors show."""
+    """Visible shares of facets through mirrors."""
 
     once: FloatArray
-    """(facet,) share of the area that is seen both directly and by the mirror, 0 … 1."""
+    """(facet,) share visible both directly and through the mirror, 0 … 1."""
     twice: FloatArray
-    """(facet,) share that is seen by the mirror."""
+    """(facet,) share visible through the mirror."""
     points: NDArray[np.uint16]
-    """(facet,) which of the points `FINE_LATTICE` that is, a bit for each: all or none where guiding rays agree."""
+    """(facet,) bit mask of the visible points of `FINE_LATTICE`; all or none where guiding rays agree."""
     mixed: NDArray[np.bool_]
-    """(facet,) whether those do not, or not with their neighbours', or a part is seen directly: a rim may be on it."""
+    """(facet,) whether guiding rays disagree among each other or with neighbours, or the facet is partly visible
+    directly."""
     rays: int
 
 
 def mirrored_fraction(
     rays: RayScene, viewpoint: FloatArray, corners: FloatArray, facet: IntArray, direct: FloatArray, view: MirrorView
 ) -> MirroredShares:
-    """Share of each facet's area that its mirror shows to the viewpoint.
+    """Share of each facet's area that is visible through its mirror.
 
-    A point counts where the way from the viewpoint first meets the mirror in the place that the law of reflection asks
-    for, and nothing is between that place and the point. `direct` (facet,) is the share that is seen directly. Three
-    guiding rays go to every facet, next to its corners; where they disagree, where the neighbour in the list (most
-    often one in the mesh too) is shown differently, or where a part is seen directly, 16 on a lattice decide.
+    Three guiding rays test each facet. Where they disagree, or a neighbour in the list differs, or the facet is partly
+    visible directly (`direct` (facet,), 0 … 1), sixteen points decide. A point counts where the path meets the mirror's
+    own face at the point of reflection and nothing else on both legs.
     """
     count = 0
 
     def shares(index: NDArray[np.intp], weights: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """The share seen both ways, and (sample, facet) which points the mirror shows."""
+        """(facet,) share visible both ways, and (sample, facet) points visible through the mirror."""
         nonlocal count
         targets = np.tensordot(weights, corners[index], axes=(1, 1)).reshape(-1, 3)  # sample by sample
         lane = np.tile(index, len(weights))
@@ -172,12 +175,12 @@ def mirrored_fraction(
 
 
 def visible_to_both(one: NDArray[np.uint16], other: NDArray[np.uint16]) -> FloatArray:
-    """Share of the points `FINE_LATTICE` that are among both of two choices of :attr:`MirroredShares.points`."""
+    """(facet,) share of `FINE_LATTICE` in both bit masks (:attr:`MirroredShares.points`)."""
     return np.asarray(np.bitwise_count(one & other) / len(FINE_LATTICE))
 
 
 class MirrorVisibilitySampler:
-    """Tells which points of facets mirrors show, as :class:`rfgen_sionna.tracing.shadows.visible_polygons.Look` has it.
+    """A :class:`rfgen_sionna.tracing.shadows.visible_polygons.VisibilitySampler` for facets seen through mirrors.
 
     Parameters
     ----------
@@ -186,11 +189,11 @@ class MirrorVisibilitySampler:
     viewpoint
         (3,) [m].
     corners, facet
-        (facet, 3, 3) [m] and (facet,) the ray scene's face that each is a piece of.
+        (facet, 3, 3) [m], and (facet,) the ray scene's face of each facet.
     views
-        The mirrors that are to show a point, all of them.
+        Mirrors through which a point must be visible, all of them.
     straight
-        Whether it is to be seen directly as well.
+        Whether it must be visible directly as well.
     """
 
     def __init__(
@@ -208,7 +211,7 @@ class MirrorVisibilitySampler:
         """Rays sent."""
 
     def visible(self, of: NDArray[np.intp], places: FloatArray) -> NDArray[np.bool_]:
-        """As there."""
+        """(ray,) visibility of barycentric `places` (ray, 3) on facets `of` (ray,)."""
         targets = np.einsum("rc,rci->ri", places, np.take(self._corners, of, axis=0))
         found = np.ones(len(of), np.bool_)
         for view in self._views:
@@ -227,5 +230,5 @@ class MirrorVisibilitySampler:
     def edges(
         self, of: NDArray[np.intp], unoccluded: FloatArray, occluded: FloatArray, halvings: NDArray[np.intp]
     ) -> tuple[FloatArray, FloatArray]:
-        """As there; how far off what casts a shadow is nobody asks for."""
+        """Bisected boundaries; the occluder's distance is NaN."""
         return bisect_edges(self.visible, of, unoccluded, occluded, halvings)

@@ -1,4 +1,4 @@
-"""Upper bounds on returns of facets and of strips beside shadows' edges."""
+"""Upper bounds on returns of facets and of shadow boundaries, and error budgets."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.scene.mesh import lengths
 
 MAX_BOUNDARY_WIDTH = 0.25
-"""Width of strips beside shadows' edges, over the root of wavelength times distance, up to which they count as a whole;
-at twice that not at all: what casts the shadow is close to the radar, and who knows what the surface is so far
-aside."""
+"""Boundary width, over the root of wavelength times distance, up to which it counts fully, and not at all at twice
+that: beyond a quarter of a Fresnel zone the surface that far aside is unknown."""
 
 
 def corners_of(given: dict[str, Any], name: str = "corners") -> list[Any]:
-    """Those of the facets of a kernel's lanes, by their `name`."""
+    """Corners of the facets of a kernel's lanes, from the array `name`."""
     dr, types = drjit_types()
     return [
         types.Array3f64(*(dr.gather(types.Float64, given[name], 9 * given["lanes"] + 3 * corner + k) for k in range(3)))
@@ -28,11 +27,25 @@ def corners_of(given: dict[str, Any], name: str = "corners") -> list[Any]:
 def max_returns(
     corners: FloatArray, wavenumber: float, other: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(facet,) what facets may return at most, up to a factor, as a whole and when a shadow's edge cuts them: the solid
-    angle that they take, less the more their `corners` (facet, 3, 3) [m] from the radar turn against each other in
-    phase. An integral over a whole facet falls with the square of that, one over a straight edge with
-    itself. And the phase between their ends, there and back [rad]. `other` (facet, 3, 3) are corners from where the way
-    back goes, if that is another place."""
+    """Upper bounds on facet returns, up to a common factor.
+
+    The bound is the solid angle of the facet. A whole facet's integral falls with the square of its phase range, an
+    integral along a straight edge with the phase range itself.
+
+    Parameters
+    ----------
+    corners
+        (facet, 3, 3) [m] from the radar.
+    wavenumber
+        At the highest frequency [rad/m].
+    other
+        (facet, 3, 3) corners [m] from the end of the return leg; None repeats `corners`.
+
+    Returns
+    -------
+    whole, cut, width
+        (facet,) bound of the whole facet, bound of a facet that a shadow boundary cuts, two-way phase range [rad].
+    """
     count = len(corners)
     if not count:
         nothing = np.zeros(0)
@@ -53,7 +66,7 @@ def max_returns(
 
 
 def _bound_returns(given: dict[str, Any]) -> None:
-    """The kernel of :func:`max_returns`."""
+    """Kernel of :func:`max_returns`."""
     dr, _ = drjit_types()
     lane = given["lanes"]
     angles, ways = [], []
@@ -79,9 +92,11 @@ _RETURN_BOUNDS = FrozenKernel(_bound_returns)
 def max_boundary_returns(
     offset: FloatArray, width: FloatArray, reach: float, occluder_distance: float, wavenumber: float
 ) -> FloatArray:
-    """(facet,) what the strip beside an edge along each may return, up to the factor of :func:`max_returns`: seen
-    from `reach` [m] aside past what is no nearer than `occluder_distance` [m]. `offset` (facet, corner, 3) [m] is from the
-    viewpoint, `width` (facet,) the phase between ends [rad]."""
+    """(facet,) bound on the return beside a shadow boundary along the facet, up to the factor of :func:`max_returns`.
+
+    Elements are at most `reach` [m] from the viewpoint, the occluder at least `occluder_distance` [m]. `offset` (facet,
+    corner, 3) [m] is from the viewpoint, `width` (facet,) the phase range [rad].
+    """
     distance = np.maximum(lengths(offset).min(axis=1), 1e-9)
     wide = reach * np.maximum(distance / max(occluder_distance, 1e-9) - 1.0, 0.0)
     wide = np.minimum(wide, 2.0 * MAX_BOUNDARY_WIDTH * np.sqrt(2 * np.pi / wavenumber * distance))

@@ -1,4 +1,4 @@
-"""What actors may hide, at a glance: the cone around each, as the radar sees it."""
+"""Culling of static facets by bounding cones of actors as the radar sees them."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from rfgen_sionna.tracing.surface.facets import Facets
 
 
 class BoundingSpheres(NamedTuple):
-    """A sphere around each facet, as the radar sees it."""
+    """Bounding sphere of each facet as the radar sees it."""
 
     direction: FloatArray
     """(facet, 3) unit vectors."""
     reach: FloatArray
-    """(facet,) of its far end [m]."""
+    """(facet,) distance of the far end [m]."""
     turn: FloatArray
-    """(2, facet) cosine and sine of the angle that it stands out by on all sides, and a little more."""
+    """(2, facet) cosine and sine of the angular radius with a margin."""
 
 
 def bounding_spheres(facets: Facets, viewpoint: FloatArray) -> BoundingSpheres:
-    """Those around facets."""
+    """Bounding spheres of facets around their centroids, seen from the `viewpoint` (3,) [m]."""
     centroids = facets.centroids
     distance = lengths(centroids - viewpoint)
     radius = lengths(facets.corners - centroids[:, None]).max(axis=1, initial=0.0)
@@ -35,7 +35,10 @@ def bounding_spheres(facets: Facets, viewpoint: FloatArray) -> BoundingSpheres:
 
 
 def in_shadow_cones(around: BoundingSpheres, viewpoint: FloatArray, actors: Sequence[FloatArray]) -> NDArray[np.bool_]:
-    """(facet,) facets with these spheres around that reach into the cone around an actor, and not before it."""
+    """(facet,) whether the bounding sphere reaches into or behind the cone around an actor.
+
+    `actors` are vertices (vertex, 3) [m] each.
+    """
     found = np.zeros(len(around.reach), dtype=np.bool_)
     for points in actors:
         offset = points - viewpoint
@@ -49,13 +52,13 @@ def in_shadow_cones(around: BoundingSpheres, viewpoint: FloatArray, actors: Sequ
         opening = np.arccos(np.clip((unit @ axis).min(), -1.0, 1.0))
         if opening > 0.45 * np.pi:  # a cone this wide need not hold the triangles between its directions
             return np.ones(len(found), dtype=np.bool_)
-        # A triangle comes nearer than its corners, but not than the plane across the axis through the nearest one.
+        # No triangle comes nearer than the plane across the axis through its nearest corner.
         near = around.reach > (offset @ axis).min()
         along = around.direction @ axis
-        # The cosine of a sum of two angles, which are below pi together.
+        # Cosine of a sum of two angles, which stay below pi.
         index = np.flatnonzero(near & (along >= np.cos(opening) * around.turn[0] - np.sin(opening) * around.turn[1]))
-        # People are higher than wide: of the cone's cross section the rectangle around the actor. A sphere takes of it
-        # tan(b + m) - tan(b) = sin(m) / (cos(b) cos(b + m)) outwards, off the axis by b, with m on all sides.
+        # Rectangle around the actor within the cone's cross section. A sphere with margin m at an angle b off the axis
+        # takes tan(b + m) - tan(b) = sin(m) / (cos(b) cos(b + m)) of it outwards.
         cos, (cos_margin, sin_margin) = np.clip(along[index], -1.0, 1.0), around.turn[:, index]
         rim = cos * cos_margin - np.sqrt(1.0 - cos * cos) * sin_margin
         wide = sin_margin / np.maximum(cos * rim, 1e-12)
@@ -69,7 +72,7 @@ def in_shadow_cones(around: BoundingSpheres, viewpoint: FloatArray, actors: Sequ
 
 
 def perpendicular_axes(axis: FloatArray) -> FloatArray:
-    """(2, 3) unit vectors across a unit vector, the first of them horizontal unless that is upright."""
+    """(2, 3) unit vectors perpendicular to a unit vector; the first is horizontal unless the axis is vertical."""
     level = np.array([-axis[1], axis[0], 0.0])
     level = level / np.linalg.norm(level) if np.linalg.norm(level) > 1e-6 else np.array([1.0, 0.0, 0.0])
     return np.stack([level, np.cross(axis, level)])

@@ -1,8 +1,7 @@
-"""Where shadows fall: rays that just pass the outlines of bodies, as the radar sees them.
+"""Silhouette rays: rays that just pass silhouettes of bodies, and the facets on which shadows fall.
 
-An outline is the edges between faces that look at the radar and such that look away, and those of open meshes. A ray
-that passes one outside hits what the shadow's edge falls on, however narrow the light that gets through, down to
-`RAY_CLEARANCE`.
+A silhouette consists of edges between faces that face the radar and faces that do not, and of open edges. A ray that
+passes it hits the facet on which the shadow boundary falls, through gaps down to `RAY_CLEARANCE`.
 """
 
 from __future__ import annotations
@@ -20,56 +19,55 @@ from rfgen_sionna.scene.mesh import corner_columns, lengths, triangle_centroids,
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
 RAY_CLEARANCE = 1e-4
-"""How far outside rays pass, times the distance."""
+"""Distance of silhouette rays from the silhouette, over its distance."""
 RAY_SPACING = 2.5e-3
-"""Largest angle between rays past one edge [rad]."""
+"""Largest angle between rays along one edge [rad]."""
 STATIC_RAY_SPACING = 1.25e-3
-"""The same past edges of what stays, for what stays, which is looked at once: a pole of a few centimetres leaves facets
-behind it lit at all their corners, and only such rays tell."""
+"""The same for static bodies, which are sampled once: resolves a pole of a few centimetres."""
 _MANY = 32
-"""Pieces of a face that are all tried for the one that a ray falls on."""
+"""Pieces of a face up to which all are tested for a ray's hit."""
 _NEAREST = (8, 64)
-"""Those of more that are tried, at first and where none of them is it."""
+"""Pieces tested otherwise, at first and in a second try."""
 _AT_ONCE = 1_000_000
-"""Facets that rays are tried with together."""
+"""Ray-facet tests per batch; bounds memory."""
 _FEW = 1000
-"""Rays that one thread looks up the neighbours of."""
+"""Rays up to which one thread finds neighbours faster than several."""
 _TOUCHING = 1e-3
-"""How far before an outline, over the way there, what it touches may be."""
+"""Relative distance before a silhouette within which a hit touches the occluder."""
 _FACE_SEPARATION = 4.0
-"""Between the pieces of one face and those of the next in the tree of directions, where 2 is as far as any two are."""
+"""Separation of faces in the tree of directions; directions differ by 2 at most."""
 
 
 class SilhouetteRays(NamedTuple):
-    """Rays that just pass outlines."""
+    """Rays that just pass silhouettes."""
 
     directions: FloatArray
-    """(ray, 3) as long as the way to the outline that each passes [m]."""
+    """(ray, 3) vectors to the silhouette [m]."""
     hit: NDArray[np.int64]
-    """(ray,) face of the ray scene that they hit first, -1 for none."""
+    """(ray,) first face of the ray scene that each hits; -1 for none."""
     span: FloatArray
-    """(ray,) length of outline that each stands for, as seen from the viewpoint [rad]."""
+    """(ray,) silhouette length of each ray, as seen from the viewpoint [rad]."""
     first: int = 0
-    """Number of the first ray that passes what moves."""
+    """Number of the first ray past a moving surface."""
     owner: NDArray[np.intp] | None = None
-    """(ray,) the moving surface that each passes, -1 for what stays; None where nobody asks."""
+    """(ray,) moving surface that each passes, -1 for a static one; None drops it."""
 
     @property
     def of_actors(self) -> SilhouetteRays:
-        """Those that pass what moves."""
+        """Rays past moving surfaces."""
         return SilhouetteRays(self.directions[self.first :], self.hit[self.first :], self.span[self.first :])
 
 
 class MeshSilhouette:
-    """The edges of a mesh."""
+    """Edges of a mesh, for its silhouette from any viewpoint."""
 
     def __init__(self, faces: IntArray) -> None:
         self._faces = faces
 
     @cached_property
     def _edges(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-        """(edge, 2) vertices; (edge, 2) faces, twice the same where there is no second one; (edge,) the vertex across
-        the edge in the first, and whether both run through it in the same direction: one is inside out."""
+        """Edges: (edge, 2) vertices, (edge, 2) faces (one twice if open), (edge,) opposite vertex in the first face,
+        (edge,) whether both faces run the same way (opposite orientations)."""
         faces = self._faces.astype(np.int64)
         run = np.concatenate([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]])
         ends = np.sort(run, axis=1)
@@ -82,21 +80,23 @@ class MeshSilhouette:
         after = np.minimum(first + 1, len(key) - 1)
         second = np.where(count == 2, own[after], own[first])
         forward = (run[:, 0] == ends[:, 0])[order]
-        # Where three faces and more meet, one may hide the others' edge: always an outline.
+        # An edge of three or more faces always belongs to the silhouette.
         across = self._faces.T.reshape(-1)[order[first]].astype(np.intp)
         turned = (count == 2) & (forward[first] == forward[after])
         return ends[order[first]], np.stack([own[first], second], axis=1), across, turned
 
     def facing(self, vertices: FloatArray) -> NDArray[np.bool_]:
-        """(face,) whether each looks at the viewpoint, for `vertices` (vertex, 3) [m] seen from there."""
+        """(face,) whether each faces the viewpoint, for `vertices` (vertex, 3) [m] from there."""
         return faces_toward_viewpoint(vertices, self._faces)
 
     def silhouette_rays(
         self, vertices: FloatArray, spacing: float = RAY_SPACING, facing: NDArray[np.bool_] | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Points (ray, 3) [m] just outside the outline of a mesh with its `vertices` (vertex, 3) [m], all of them seen
-        from the viewpoint, and the length of outline (ray,) [rad] that each stands for: `spacing` at most. `facing` are
-        :meth:`facing`, if they are known."""
+        """Points (ray, 3) [m] just outside the silhouette and their length of silhouette (ray,) [rad].
+
+        `vertices` (vertex, 3) [m] are from the viewpoint, `spacing` [rad] is the largest angle between rays; `facing`
+        None computes it.
+        """
         if facing is None:
             facing = self.facing(vertices)
         ends, faces, across, turned = self._edges
@@ -109,10 +109,10 @@ class MeshSilhouette:
         inward = np.einsum("ei,ei->e", out, other - start) > 0
         out[inward] *= -1.0
         angle = np.arctan2(size, np.einsum("ei,ei->e", start, stop))
-        count = np.ceil(angle / spacing).astype(np.intp)  # none where it is seen end on
+        count = np.ceil(angle / spacing).astype(np.intp)  # none edge-on
         edge = np.repeat(np.arange(len(outer)), count)
         share = (np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[edge]
-        # At equal angles: the sines' law in the triangle of the viewpoint and the edge.
+        # Equal angles, by the law of sines.
         near = lengths(start)[edge] * np.sin(share * angle[edge])
         far = lengths(stop)[edge] * np.sin((1.0 - share) * angle[edge])
         points = start[edge] + (near / np.maximum(near + far, 1e-300))[:, None] * (stop - start)[edge]
@@ -122,8 +122,7 @@ class MeshSilhouette:
 def static_silhouettes(
     surfaces: Surfaces, viewpoint: FloatArray, spacing: float = STATIC_RAY_SPACING
 ) -> tuple[FloatArray, FloatArray]:
-    """Directions (ray, 3) that just pass the outlines of what stays, as long as the way there [m], and the length of
-    outline (ray,) [rad] that each stands for, `spacing` at most."""
+    """Silhouette rays of static surfaces: vectors (ray, 3) [m] and lengths of silhouette (ray,) [rad]."""
     placed = zip(surfaces.static, surfaces.static_vertices, strict=True)
     found = [MeshSilhouette(surface.faces).silhouette_rays(points - viewpoint, spacing) for surface, points in placed]
     rays, span = (np.concatenate(each) for each in zip((np.zeros((0, 3)), np.zeros(0)), *found, strict=True))
@@ -131,16 +130,14 @@ def static_silhouettes(
 
 
 def faces_toward_viewpoint(vertices: FloatArray, faces: IntArray | NDArray[np.uint32]) -> NDArray[np.bool_]:
-    """(face,) whether each of `faces` (face, 3) does, for `vertices` (vertex, 3) [m] seen from there."""
+    """(face,) whether each of `faces` (face, 3) faces the viewpoint, for `vertices` (vertex, 3) [m] from there."""
     a, b, c = np.moveaxis(corner_columns(vertices, faces), 1, 0)
     return np.asarray(sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3)) < 0)
 
 
 class FacetLocator:
-    """Tells which facets rays fall on.
-
-    The facets have `corners` (facet, 3, 3) [m] from the viewpoint, and are pieces of the faces `number` (facet,).
-    """
+    """Finds the facets that rays hit, among facets with `corners` (facet, 3, 3) [m] from the viewpoint on faces
+    `number`."""
 
     def __init__(self, corners: FloatArray, number: IntArray) -> None:
         self._corners, self._number = corners, number
@@ -149,9 +146,8 @@ class FacetLocator:
         self._ascending = number if ordered else number[self._order]
 
     def silhouette_lengths(self, silhouette_rays: SilhouetteRays) -> FloatArray:
-        """(2, facet) length of outline [rad] that falls on each, as rays' points tell, and of that what has a shadow
-        there: facets before the outline that a ray passes hide it. Of faces in very many pieces those around the point
-        are tried."""
+        """(2, facet) silhouette length [rad] that falls on each facet: in all, and without facets before the
+        silhouette."""
         hit, total = silhouette_rays.hit, np.zeros((2, len(self._number)))
         first = np.searchsorted(self._ascending, hit, "left")
         count = np.searchsorted(self._ascending, hit, "right") - first
@@ -180,8 +176,10 @@ class FacetLocator:
         first: NDArray[np.intp],
         count: NDArray[np.intp],
     ) -> NDArray[np.intp]:
-        """Adds those of the `rays` (ray,) that fall on the facets they are tried with, and returns them: each with so
-        many, `count` (ray,), of `tried`, the `first` (ray,) of them and those that come after it."""
+        """Add the `rays` (ray,) that hit a facet to `total`, and return them.
+
+        Each is tested with `count` (ray,) facets of `tried` from number `first` (ray,) on.
+        """
         starts, size = np.cumsum(count) - count, int(count.sum())
         if not size:
             return rays[:0]
@@ -208,7 +206,7 @@ class FacetLocator:
         return rays[of]
 
     def _around(self, directions: FloatArray, face: NDArray[np.int64], nearest: int) -> NDArray[np.intp]:
-        """(ray, nearest) pieces of the face that each ray hits, those around where it does; -1 where it has fewer."""
+        """(ray, nearest) pieces of the hit face around each ray; -1 pads."""
         tree, members, rank = self._tree
         place = np.column_stack([unit(directions), _FACE_SEPARATION * rank[face]])
         near = tree.query(place, min(nearest, len(members)), workers=-1 if len(place) > _FEW else 1)[1]
@@ -217,8 +215,7 @@ class FacetLocator:
 
     @cached_property
     def _tree(self) -> tuple[KDTree, NDArray[np.intp], NDArray[np.intp]]:
-        """Pieces of faces in very many of them, by direction and, far apart, by face; which pieces these are, and the
-        rank of each face."""
+        """Tree of the pieces of finely split faces by direction and face, their numbers, and the rank of each face."""
         count = np.bincount(self._number)
         rank = np.cumsum(count > _MANY, dtype=np.intp)
         members = np.flatnonzero(count[self._number] > _MANY)
@@ -229,9 +226,8 @@ class FacetLocator:
 
 
 def _hit_facets(given: dict[str, Any]) -> None:
-    """The kernel of :meth:`FacetLocator._add`: how each ray falls on each facet that it is tried with, not at all (0),
-    on it
-    where it is before the outline (1), or where it touches it or is behind it (2)."""
+    """Kernel of :meth:`FacetLocator._add`: 0 for a miss, 1 for a hit before the silhouette, 2 for one at or behind
+    it."""
     dr, types = drjit_types()
     Float, UInt32, Array3, lane = types.Float64, types.UInt32, types.Array3f64, given["lanes"]
     ray, start, first, count = (dr.gather(UInt32, given[name], lane) for name in ("rays", "starts", "first", "count"))
@@ -243,11 +239,10 @@ def _hit_facets(given: dict[str, Any]) -> None:
             Array3(*(dr.gather(Float, given["corners"], 9 * facet + 3 * corner + axis) for axis in range(3)))
             for corner in range(3)
         )
-        # Twice that: the other way round it is the opposite to the last bit, so that a ray falls on one side of an edge
-        # that two facets share and on the other of the other.
+        # Antisymmetric to the last bit: a ray lies on opposite sides of an edge for the two facets that share it.
         sides = [dr.dot(ahead, dr.cross(one, other) - dr.cross(other, one)) for one, other in ((a, b), (b, c), (c, a))]
         low, high = (each(each(sides[0], sides[1]), sides[2]) for each in (dr.minimum, dr.maximum))
-        # How far along the ray the facet's plane is, of the way to the outline, times the sum of the sides.
+        # Distance of the facet's plane over that of the silhouette, times the sum of the sides.
         side = sides[0] + sides[1] + sides[2]
         way = 2.0 * dr.dot(a, dr.cross(b, c))
         beyond = (side == 0) | (way * dr.sign(side) >= (1.0 - _TOUCHING) * abs(side))

@@ -1,9 +1,4 @@
-"""Where round things turn out of sight: facets that look away, but not all of them, bent as they are.
-
-Whether a facet looks at the radar its flat triangle tells. What turns away before the end of one that does returns
-nothing, as the integral knows; of one that does not a strip may look at the radar still, before the smooth surface
-turns away. All around a body these strips add up, on a ball in phase.
-"""
+"""Terminator of curved bodies: facets that face away from the radar, but whose smooth surface partly faces it."""
 
 from __future__ import annotations
 
@@ -16,13 +11,16 @@ from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.tracing.surface.facets import Facets
 
 NORMAL_TILT = 1.5
-"""The surface leans from the flat facet by as much as normals do and more, where these are of uneven neighbours."""
+"""Tilt of the smooth surface over that of its vertex normals; more than 1 for uneven neighbours."""
 _CORNERS = np.eye(3)
+"""Barycentric coordinates of the corners."""
 
 
 def near_terminator(facets: Facets, viewpoint: FloatArray, reach: float) -> NDArray[np.bool_]:
-    """(facet,) which of those that look away from the `viewpoint` (3,) [m] may look at it in part, or at an element no
-    further than `reach` [m] from there, by how much normals lean from the flat facets'."""
+    """(facet,) whether a facet that faces away from the `viewpoint` (3,) [m] may partly face it.
+
+    Elements lie at most `reach` [m] from the viewpoint. The tilt of vertex normals decides.
+    """
     found = np.zeros(len(facets), np.bool_)
     if facets.turn is None:
         return found
@@ -36,27 +34,25 @@ def near_terminator(facets: Facets, viewpoint: FloatArray, reach: float) -> NDAr
 
 
 class Terminator(NamedTuple):
-    """How it runs over some facets."""
+    """Course of the terminator over some facets."""
 
     before: NDArray[np.bool_]
-    """(facet, corner) at which corners the smooth surface looks at the viewpoint or, as for :func:`near_terminator`,
-    at an element near it."""
+    """(facet, corner) corners at which the smooth surface faces the viewpoint or an element near it."""
     owner: NDArray[np.intp]
-    """(piece,) which of the facets a piece is of, ascending: those that the viewpoint's horizon crosses are cut at it,
-    as what a facet returns has a kink there."""
+    """(piece,) facet of each piece, ascending; facets are cut at the terminator, where the integrand has a kink."""
     pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates of its corners."""
+    """(piece, corner, 3) barycentric coordinates."""
 
     @staticmethod
     def of(facets: Facets, chosen: NDArray[np.intp], viewpoint: FloatArray, reach: float) -> Terminator:
-        """That over the bent `facets` that `chosen` counts out."""
+        """Terminator over the `chosen` curved facets."""
         sampler = _PatchView.of(facets, chosen, viewpoint)
         heights, widths = zip(*(sampler.height(corner) for corner in _CORNERS), strict=True)
         height = np.stack(heights, axis=1)
         mixed = np.flatnonzero((height > 0).any(axis=1) & (height <= 0).any(axis=1))
         sampler, ends = sampler.take(mixed), height[mixed]
         middles = np.stack([sampler.height(0.5 * (1.0 - corner))[0] for corner in _CORNERS], axis=1)
-        # One corner is alone on its side; seen from there, the horizon crosses both edges that leave it.
+        # One corner is alone on its side; the terminator crosses both edges that leave it.
         above = ends > 0
         lone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
         row, start, crossed = np.arange(len(mixed)), _CORNERS[lone], []
@@ -72,7 +68,7 @@ class Terminator(NamedTuple):
         return Terminator(before, np.repeat(mixed, len(parts)), pieces.reshape(-1, 3, 3))
 
     def take(self, mask: NDArray[np.bool_]) -> Terminator:
-        """That over the facets that `kept` (facet,) marks."""
+        """Terminator over the facets of a mask (facet,)."""
         mine = mask[self.owner]
         return Terminator(self.before[mask], (np.cumsum(mask) - 1)[self.owner[mine]], self.pieces[mine])
 
@@ -84,10 +80,12 @@ def unoccluded_by_neighbours(
     fraction: FloatArray,
     places: IntArray,
 ) -> NDArray[np.bool_]:
-    """(chosen,) which of the facets that `chosen` counts out nothing else hides, as far as their neighbours tell:
-    those that were `sampled` (facet,) at and touch their corners `before` (chosen, corner) the horizon are seen by more
-    than half, by the `fraction` (facet,) of each, or are such facets themselves. `places` (facet, 3) tell which corners
-    touch. Beside facets that are too faint to be looked at strips are fainter."""
+    """(chosen,) facets at the terminator that no other surface occludes, by their neighbours' visible share.
+
+    A facet counts if more than half is visible of the `sampled` (facet,) facets, by their `fraction` (facet,), that
+    touch its corners `before` (chosen, corner) the terminator, or of facets found this way. `places` (facet, 3) number
+    corners.
+    """
     touched, size = places[sampled], int(places.max(initial=-1)) + 1
     count = np.bincount(touched.ravel(), minlength=size).astype(np.float64)
     total = np.bincount(touched.ravel(), np.repeat(fraction[sampled], 3), size)
@@ -102,13 +100,12 @@ def unoccluded_by_neighbours(
 
 
 class _PatchView(NamedTuple):
-    """Bent facets as seen from the viewpoint: three vectors of three axes (vector, axis, facet) each, as long rows are
-    quick to reckon with."""
+    """Quadratic patches as seen from the viewpoint; arrays (vector, axis, facet) for speed."""
 
     corners: FloatArray
-    """[m]"""
+    """Corners [m]."""
     sagittas: FloatArray
-    """Four times :attr:`rfgen_sionna.tracing.surface.quadratic_patch.Bend.sagittas` [m]."""
+    """Four times :attr:`rfgen_sionna.tracing.surface.quadratic_patch.QuadraticPatch.sagittas` [m]."""
 
     @staticmethod
     def of(facets: Facets, chosen: NDArray[np.intp], viewpoint: FloatArray) -> _PatchView:
@@ -123,8 +120,8 @@ class _PatchView(NamedTuple):
         return _PatchView(self.corners[..., some], self.sagittas[..., some])
 
     def height(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(facet,) by how much the surface looks at the viewpoint at barycentric coordinates `place` (3,), above 0
-        where it does, in units of the (facet,) length of the normal there times the distance."""
+        """(facet,) scalar product of normal and direction to the viewpoint at barycentric `place` (3,), and (facet,)
+        its scale."""
         (a, b, c), p, r = place.tolist(), self.corners, self.sagittas
         at = a * p[0] + b * p[1] + c * p[2] + b * c * r[0] + c * a * r[1] + a * b * r[2]
         one = p[1] - p[0] + c * (r[0] - r[1]) + (a - b) * r[2]
@@ -134,7 +131,7 @@ class _PatchView(NamedTuple):
 
 
 def _crossing(start: FloatArray, middle: FloatArray, end: FloatArray) -> FloatArray:
-    """Where along edges the parabola through three values is 0, whose ends have opposite signs."""
+    """Zero of the parabola through three equidistant values, on 0 … 1; the end values have opposite signs."""
     a, b = 2.0 * (start + end) - 4.0 * middle, 4.0 * middle - 3.0 * start - end
     root = np.sqrt(np.maximum(b * b - 4.0 * a * start, 0.0))
     q = -0.5 * (b + np.where(b < 0, -root, root))
@@ -143,5 +140,5 @@ def _crossing(start: FloatArray, middle: FloatArray, end: FloatArray) -> FloatAr
 
 
 def _cross(one: FloatArray, two: FloatArray) -> FloatArray:
-    """(axis, ...) of vectors (axis, ...)."""
+    """(axis, ...) cross products of vectors (axis, ...)."""
     return np.stack([one[i - 2] * two[i - 1] - one[i - 1] * two[i - 2] for i in range(3)])

@@ -1,11 +1,8 @@
-"""The lit parts of facets that a shadow's edge passes.
+"""Visible polygons of facets that a shadow boundary crosses.
 
-Points of a lattice on the facet are looked at; where two neighbours differ, the shadow's edge between them is found by
-halving, and straight lines join what is found (marching triangles). What is cut off where the edge is bent falls
-with the square of the lattice's spacing. As the facet moves its lit part changes with the shadow, not cell by cell.
-
-Most facets have one edge on them that is straight as far as the lattice tells, such as that of a table: their lit part
-is a triangle or two instead of dozens, which all that follows is spared.
+Lattice points on the facet are tested. Between visible and occluded neighbours the boundary is bisected, and straight
+lines join the crossings (marching triangles). Truncation of a curved boundary falls with the square of the spacing. A
+facet with a single straight boundary becomes one or two triangles.
 """
 
 from __future__ import annotations
@@ -29,56 +26,56 @@ from rfgen_sionna.tracing.shadows.lattices import (
 )
 
 _HALVINGS = (5, 5, 6, 7, 8, 9)
-"""How often the edge of a cell is halved at least to find the shadow's edge on it, level by level: so often that three
-of them tell whether the edge is straight to `_MAX_SAGITTA`."""
+"""Least number of bisections per lattice level: enough to decide whether three crossings are straight to
+`_MAX_SAGITTA`."""
 _MOST_HALVINGS = 9
+"""Most bisections: 1/512 of a cell is far below a wavelength on any facet."""
 _MAX_STRAY = 0.05
-"""Phase that the place found may be off by before it is halved again [rad, root mean square]."""
+"""Phase error of a crossing above which it is bisected again [rad, root mean square]."""
 
 _MAX_SAGITTA = 0.1
-"""How far an edge may be from straight on its way over a facet, times the square of the cells along its edge: as much
-counts for what lines from cell to cell miss (:mod:`rfgen_sionna.tracing.shadows.adaptive_sampling`)."""
+"""Largest deviation of a straight boundary, times the squared number of cells along an edge: as much as lines from cell
+to cell miss."""
 
 EDGE_INSET = 0.05
-"""Rays that tell whether a facet is seen go to points so much nearer to its middle: of a face that looks away, behind
-the rim of its body, the very corner may be taken for seen."""
+"""Inset of the rays that test whole facets: near the silhouette a corner of a face that faces away may seem visible."""
 
 
 class VisibilitySampler(Protocol):
-    """Tells what is seen of facets: :class:`rfgen_sionna.scene.point_visibility.PointVisibility` does, by rays."""
+    """Visibility test of points on facets, e.g. :class:`rfgen_sionna.scene.point_visibility.PointVisibility`."""
 
     def visible(self, of: NDArray[np.intp], places: FloatArray, /) -> NDArray[np.bool_]:
-        """(ray,) whether the points at barycentric `places` (ray, 3) on facets `of` (ray,) are seen."""
+        """(ray,) visibility of barycentric `places` (ray, 3) on facets `of` (ray,)."""
 
     def edges(
         self, of: NDArray[np.intp], unoccluded: FloatArray, occluded: FloatArray, halvings: NDArray[np.intp], /
     ) -> tuple[FloatArray, FloatArray]:
-        """(ray, 3) where on facets `of` (ray,) the shadow's edge is between the points `unoccluded` (ray, 3), which
-        are seen,
-        and `occluded` (ray, 3), after so many `halvings` (ray,); and (ray,) how far it is to what casts it, over the
-        way
-        there."""
+        """Bisect the shadow boundary between `unoccluded` and `occluded` points (ray, 3) of facets `of` (ray,).
+
+        Returns its barycentric coordinates (ray, 3) and (ray,) the occluder's distance over the facet's.
+        """
 
 
 class VisiblePolygons(NamedTuple):
-    """What is seen of facets."""
+    """Visible parts of facets."""
 
     fraction: FloatArray
-    """(facet,) share of the area."""
+    """(facet,) visible share of the area."""
     owner: NDArray[np.intp]
-    """(piece,) facet that each piece is of; those that are seen as a whole, or not at all, have none."""
+    """(piece,) facet of each piece; fully visible and fully occluded facets have no pieces."""
     pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates of the triangles that are seen."""
+    """(piece, corner, 3) barycentric coordinates of the visible triangles."""
     occluder: FloatArray
-    """(piece, 2) how far it is to what casts the shadow whose edge goes from the second corner of a piece to the third,
-    over the way there, 0 … 1, at either end; NaN where none does. The lit side is the left one, seen from where the
-    corners go round counterclockwise."""
+    """(piece, 2) occluder's distance over the facet's, 0 … 1, at both ends of the shadow boundary, which runs from a
+    piece's second corner to its third; NaN without a boundary. The visible side is on the left of the boundary."""
     rays: int
 
 
 def find_visible_polygons(sampler: VisibilitySampler, level: NDArray[np.intp], width: FloatArray) -> VisiblePolygons:
-    """What is seen of facets, with lattices of the `level` (facet,) of each: places in :data:`SPACINGS`. Between the
-    ends of each the phase differs by its `width` (facet,) [rad]."""
+    """Sample facets on lattices of their `level` (facet,), an index into `SPACINGS`.
+
+    `width` (facet,) is the phase difference between a facet's ends [rad].
+    """
     groups, sent = [], 0
     fraction = np.zeros(len(level))
     for each, facets, unoccluded in _points(sampler, level):
@@ -89,7 +86,7 @@ def find_visible_polygons(sampler: VisibilitySampler, level: NDArray[np.intp], w
             groups.append(LatticeGroup.of(facets[mixed], each, unoccluded[mixed]))
     if not groups:
         return VisiblePolygons(fraction, np.zeros(0, np.intp), np.zeros((0, 3, 3)), np.zeros((0, 2)), sent)
-    # Where an edge crosses a side is known to the root of a twelfth of what is left of it.
+    # Uniform error within the last bisected interval: its length over the root of 12.
     stray = width / (np.array(SPACINGS)[level] * np.sqrt(12.0) * _MAX_STRAY)
     asked = np.ceil(np.log2(np.maximum(stray, 1.0)))
     halvings = np.clip(asked, np.array(_HALVINGS)[level], _MOST_HALVINGS).astype(np.intp)
@@ -124,8 +121,7 @@ def bisect_edges(
     occluded: FloatArray,
     halvings: NDArray[np.intp],
 ) -> tuple[FloatArray, FloatArray]:
-    """:meth:`VisibilitySampler.edges` by whether points are :meth:`VisibilitySampler.visible`, where nobody knows
-    what casts a shadow."""
+    """:meth:`VisibilitySampler.edges` from visibility tests alone; the occluder's distance is NaN."""
     unoccluded, occluded = unoccluded.copy(), occluded.copy()
     for step in range(int(halvings.max(initial=0))):
         some = np.flatnonzero(halvings > step)
@@ -138,8 +134,7 @@ def bisect_edges(
 def crossed_by_edges(
     sampler: VisibilitySampler, level: NDArray[np.intp], taken: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """(facet,) whether there are points on each one's lattice, of its `level`, that are not what it is `taken` (facet,)
-    for, seen or not."""
+    """(facet,) whether any lattice point differs in visibility from `taken` (facet,)."""
     found = np.zeros(len(level), np.bool_)
     for _, facets, unoccluded in _points(sampler, level, EDGE_INSET):
         found[facets] = (unoccluded != taken[facets, None]).any(axis=1)
@@ -149,8 +144,7 @@ def crossed_by_edges(
 def _points(
     sampler: VisibilitySampler, level: NDArray[np.intp], share: float = INSET
 ) -> Iterator[tuple[int, NDArray[np.intp], NDArray[np.bool_]]]:
-    """Level by level the facets of it, and (facet, point) which of their lattice's points are seen, each by that
-    `share` nearer to the middle."""
+    """For each level: level, facets, and (facet, point) visibility of their lattice points, inset by `share`."""
     members = [(int(each), np.flatnonzero(level == each)) for each in np.flatnonzero(np.bincount(level))]
     sizes = [(len(facets), len(lattice_of(each).points)) for each, facets in members]
     of, places = np.empty(sum(n * m for n, m in sizes), np.intp), np.empty((sum(n * m for n, m in sizes), 3))
@@ -170,8 +164,7 @@ def _points(
 def _crossings(
     sampler: VisibilitySampler, groups: list[LatticeGroup], halvings: NDArray[np.intp]
 ) -> tuple[FloatArray, FloatArray, int]:
-    """(crossing, 3) barycentric coordinates of where the shadow's edge crosses those of cells, (crossing,) how far off
-    what casts it is, and the rays sent, with so many `halvings` (facet,)."""
+    """(crossing, 3) barycentric crossings of the shadow boundary, (crossing,) occluder ratio, and number of rays."""
     of, unoccluded, occluded = [], [], []
     for group in groups:
         ends, points = np.take(group.lattice.edges, group.edge, axis=0), group.lattice.points
@@ -190,13 +183,12 @@ def _crossings(
 def _straight(
     group: LatticeGroup, crossings: FloatArray, occluder: FloatArray
 ) -> tuple[NDArray[np.bool_], list[tuple[NDArray[np.intp], FloatArray, FloatArray]]]:
-    """(facet,) which facets a single straight edge, through the `crossings` (crossing, 3), cuts in two, and what is
-    seen of those, in triangles, with their :attr:`VisiblePolygons.occluder`."""
+    """(facet,) whether one straight boundary cuts the facet in two, and the visible triangles of those facets."""
     lattice, cells = group.lattice, SPACINGS[group.level]
     side = lattice.border[group.edge]
     ends = np.flatnonzero(side >= 0)
     of = group.row[ends]  # ascending
-    if not len(ends):  # islands alone
+    if not len(ends):  # closed curves only
         return np.zeros(len(group.facets), np.bool_), []
     count = np.bincount(of, minlength=len(group.facets))
     begin = np.searchsorted(of, np.arange(len(group.facets)))
@@ -211,7 +203,7 @@ def _straight(
     far = np.zeros(len(group.facets))
     np.maximum.at(far, group.row, np.abs(away))
     straight &= far <= _MAX_SAGITTA / cells**2
-    # The line that leaves as much on either side: its ends move along the sides that they are on.
+    # Fitted line with zero mean deviation: its ends move along their sides.
     mean = np.bincount(group.row, away, len(group.facets)) / np.bincount(group.row, minlength=len(group.facets))
     ends_moved = []
     for end in (first, second):
@@ -221,7 +213,7 @@ def _straight(
         moved = crossings[end] + np.where(np.abs(step) < 1.0, step, 0.0)[:, None] * run
         straight &= (np.abs(step) < 1.0) & (moved > -1e-3).all(axis=1)
         ends_moved.append(np.clip(moved, 0.0, 1.0))
-    one, other = ends_moved  # rays went by a little within the facet
+    one, other = ends_moved  # rays were inset
     ends_moved = [extend_to_side(one, other, side[first]), extend_to_side(other, one, side[second])]
     row = np.flatnonzero(straight)
     # The corner that both sides share, and those that come after it.
@@ -245,7 +237,7 @@ def _straight(
 def _whole_cells(
     group: LatticeGroup, bitten: tuple[NDArray[np.intp], NDArray[np.intp]]
 ) -> list[tuple[NDArray[np.intp], FloatArray, FloatArray]]:
-    """Cells that are seen as a whole, as large ones as there are, without those that are `bitten` (row, cell)."""
+    """Fully visible cells, merged into the largest ones, without the `bitten` (row, cell)."""
     one, two, three = group.corners
     full: NDArray[np.bool_] = one & two & three
     full[bitten] = False
@@ -255,7 +247,7 @@ def _whole_cells(
         tree.append(quarters[..., 0] & quarters[..., 1] & quarters[..., 2] & quarters[..., 3])
     found = []
     for level, cells in enumerate(reversed(tree)):
-        if level:  # those whose larger one is not seen as a whole
+        if level:  # those whose larger cell is not fully visible
             cells = (cells.reshape(len(full), -1, 4) & ~tree[group.level - level + 1][..., None]).reshape(len(full), -1)
         row, cell = np.nonzero(cells)
         lattice = lattice_of(level)

@@ -1,15 +1,14 @@
-"""Scattering of a mesh, or of pieces of it, in the far field: physical optics in the form that Sionna's sensing takes.
+"""Far-field scattering of a mesh or its pieces by physical optics, as Sionna's sensing uses it.
 
-With unit vectors k_i, along which the wave comes, and k_s, along which it leaves, the scattering matrix about p is
+With unit vectors k_i and k_s along the incident and scattered wave, the scattering matrix about p is
 
     J = j sqrt(4 pi) / lambda  sum_facets  F A <exp(-j k (k_i - k_s) . (x - p))>
 
-with the polarimetric obliquity F of :mod:`rfgen_sionna.tracing.integral.obliquity`, the area A and the mean over the
-facet. Its phase is linear in the far field, so that the closed form is exact. A gain of the tracer's,
-a = (j / 4 pi) F A <...> / (R_t R_r), is lambda J / ((4 pi)^(3/2) R_t R_r) at long range, as with Sionna's Jones matrix,
-and sum |J|^2 / 2 is the radar cross-section [m^2] averaged over the polarisation.
+with the polarimetric obliquity F of :mod:`rfgen_sionna.tracing.integral.obliquity`, area A and the facet's mean, which
+has a closed form. At long range a gain of the tracer, a = (j / 4 pi) F A <...> / (R_t R_r), is lambda J / ((4 pi)^(3/2)
+R_t R_r), as for Sionna's Jones matrix; sum |J|^2 / 2 is the radar cross-section [m^2].
 
-Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.mitsuba_backend.ensure_backend` first.
+Needs a Mitsuba variant (:func:`rfgen_sionna.scene.mitsuba_backend.ensure_backend`).
 """
 
 from __future__ import annotations
@@ -28,11 +27,12 @@ from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.integral.simplex import moments
 
 _GUIDE_POINTS = ((2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-_CLEARANCE = 1e-5  # of the mesh's size: how far off a surface its shadow rays start
+_CLEARANCE = 1e-5
+"""Start of shadow rays off the surface, over the mesh's size: above single-precision rounding."""
 
 
 class ScatteringMesh:
-    """A mesh of one material: its facets in the order of the pieces that they belong to, and what hides what."""
+    """Mesh of one material with its facets in the order of their pieces."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class ScatteringMesh:
         material: Material,
         frequency: Callable[[], float],
     ) -> None:
-        """`vertices` (vertex, 3) [m] about the origin of the target's frame; `piece` (face,) is ascending."""
+        """`vertices` (vertex, 3) [m] in the target's frame; `piece` (face,) is ascending; `frequency` returns [Hz]."""
         dr, types = drjit_types()
         corners = np.ascontiguousarray(vertices[faces], dtype=np.float64)
         self.corners = types.Float64(corners.reshape(-1))
@@ -55,23 +55,22 @@ class ScatteringMesh:
 
 
 class ScatteringPoint:
-    """One piece of a body as a scattering point: `rcs` and `cpm` are what Sionna's `register_rcs`, `register_cpm` and
-    `ScatteringModel` take.
+    """One piece of a body as a scattering point: callables for Sionna's `register_rcs`, `register_cpm` and
+    `ScatteringModel`.
 
-    A facet counts as far as both ends see it past the body's other facets; the shadow that a body throws forward is the
-    doing of its mesh in Sionna's scene.
+    A facet counts where both ends see it past the body's other facets; Sionna's scene casts the body's forward shadow.
     """
 
     def __init__(self, body: ScatteringMesh, piece: int, place: FloatArray) -> None:
         dr, types = drjit_types()
         self._body = body
-        # Evaluated numbers, not constants of the kernel: all points of a body then share one.
+        # Opaque values, so that all points of a body share one kernel.
         self._first = dr.opaque(types.UInt32, int(body.starts[piece]))
         self._last = dr.opaque(types.UInt32, int(body.starts[piece + 1]))
         self._place = types.Array3f64(*(dr.opaque(types.Float64, float(x)) for x in place))
 
     def rcs(self, k_i: Any, k_s: Any, seed: int = 0) -> Any:
-        """Radar cross-section [m^2], the mean over two orthogonal polarisations of the wave; `seed` changes nothing."""
+        """Radar cross-section [m^2], mean over two orthogonal polarisations; `seed` is ignored."""
         import mitsuba as mi
 
         return mi.Float(self._power(self.jones(k_i, k_s)))
@@ -156,7 +155,7 @@ class ScatteringPoint:
         return pairs[0], pairs[1], pairs[2], pairs[3]
 
     def _visible_share(self, corners: list[Any], normal: Any, k_in: Any, k_out: Any, active: Any) -> Any:
-        """Share of a facet that both ends see, of three guiding points."""
+        """Share of a facet that both ends see, of three points."""
         import drjit as dr
         import mitsuba
 

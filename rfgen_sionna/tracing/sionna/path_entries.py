@@ -1,4 +1,4 @@
-"""What a `sionna.rt.Paths` says about one radar, as flat arrays, and delays in double precision."""
+"""Paths of one radar in `sionna.rt.Paths` as flat arrays, with lengths in double precision."""
 
 from __future__ import annotations
 
@@ -15,29 +15,31 @@ from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 SPECULAR, DIFFUSE, REFRACTION, DIFFRACTION, SENSING = 1, 2, 4, 8, 16
 """Sionna's `InteractionType`; 0 is no interaction."""
 FIXED_POINT = (DIFFUSE, DIFFRACTION, SENSING)
-"""Interactions at a point that mirroring does not give."""
-_POSITION_RTOL = 1e-6  # of the largest coordinate: single precision and the rounding of a rotation
-_SURFACE_RTOL = 3e-6  # likewise for the interaction points that the image method finds
+"""Interactions at a point that the image method does not determine."""
+_POSITION_RTOL = 1e-6
+"""Largest mismatch of element positions over the largest coordinate: single-precision rounding of a rotation."""
+_SURFACE_RTOL = 3e-6
+"""Largest distance of an interaction point from its triangle's plane over the largest coordinate, likewise."""
 
 
 @dataclass(frozen=True)
 class PathEntries:
-    """Valid paths of all element pairs of one radar, one after another."""
+    """Valid paths of all element pairs of one radar in a row."""
 
     tx: NDArray[np.intp]
     """(entry,) Tx element."""
     rx: NDArray[np.intp]
     """(entry,) Rx element."""
     a: ComplexArray
-    """(entry,) gains, element patterns included."""
+    """(entry,) gains with element patterns."""
     doppler: FloatArray
-    """(entry,) [Hz], approaching is positive."""
+    """(entry,) [Hz], positive for approach."""
     types: NDArray[np.int64]
     """(entry, depth) interaction types."""
     objects: NDArray[np.int64]
-    """(entry, depth) Mitsuba's number of the shape; the index of the target where the type is SENSING."""
+    """(entry, depth) Mitsuba's shape number, or the target's index for SENSING."""
     primitives: NDArray[np.int64]
-    """(entry, depth) face of the shape; the scattering point of the target where the type is SENSING."""
+    """(entry, depth) face of the shape, or the scattering point of the target for SENSING."""
     vertices: FloatArray
     """(entry, depth, 3) interaction points [m]."""
 
@@ -54,12 +56,12 @@ class PathEntries:
 
     @property
     def signature(self) -> NDArray[np.int64]:
-        """(entry, …) interactions that the same path has in every element pair."""
+        """(entry, …) interactions that a path has in common for all element pairs."""
         point = np.where(self.types == SENSING, self.primitives, 0)
         return np.concatenate([self.types, np.where(self.types > 0, self.objects, 0), point], axis=1)
 
     def nodes(self, tx: FloatArray, rx: FloatArray) -> FloatArray:
-        """(entry, depth + 2, 3) points of each path from `tx` to `rx` (entry, 3), the last one repeated to the end."""
+        """(entry, depth + 2, 3) points from `tx` to `rx` (entry, 3) [m]; the last one is repeated."""
         points = np.concatenate([tx[:, None], self.vertices, rx[:, None]], axis=1)
         beyond = np.arange(points.shape[1]) > self.depth[:, None]
         return np.where(beyond[..., None], rx[:, None], points)
@@ -71,7 +73,7 @@ def read_entries(paths: Any, radar: Radar) -> PathEntries:
     Raises
     ------
     ValueError
-        If no transmitter or no receiver of the scene has its elements where the radar has them.
+        If no transmitter or no receiver of the scene has the radar's element positions.
     """
     sender = _device(paths.sources, paths.num_tx, radar.tx_world, radar, "transmitter")
     listener = _device(paths.targets, paths.num_rx, radar.rx_world, radar, "receiver")
@@ -82,7 +84,7 @@ def read_entries(paths: Any, radar: Radar) -> PathEntries:
 
     def each_depth(tensor: Any, kind: type) -> NDArray[Any]:
         values = np.moveaxis(tensor.numpy()[:, listener, rx, sender, tx, path], 0, 1).astype(kind)
-        # At least one interaction, though none may be meant: that spares all that follows a special case.
+        # At least one (empty) interaction, to avoid a special case.
         return values if values.shape[1] else np.zeros((len(values), 1, *values.shape[2:]), kind)
 
     real, imaginary = (each(part).astype(np.float64) for part in paths.a)
@@ -99,7 +101,7 @@ def read_entries(paths: Any, radar: Radar) -> PathEntries:
 
 
 def _device(positions: Any, devices: int, elements: FloatArray, radar: Radar, kind: str) -> int:
-    """Which of the scene's devices has its elements where `elements` (element, 3) are."""
+    """Index of the scene's device with `elements` (element, 3) [m]."""
     places = positions.numpy().astype(np.float64).T
     if len(places) == devices * len(elements):
         off = np.abs(places.reshape(devices, len(elements), 3) - elements).max(axis=(1, 2))
@@ -107,18 +109,18 @@ def _device(positions: Any, devices: int, elements: FloatArray, radar: Radar, ki
             return int(off.argmin())
     near = float(np.linalg.norm(places - np.asarray(radar.position), axis=1).min())
     raise ValueError(
-        f"radar '{radar.name}': none of the {devices} {kind}s of these paths has the radar's {len(elements)} elements "
-        f"at their places ({len(places)} elements in all, the nearest {near:.6g} m from the radar's position "
-        f"{radar.position} m); put the radar into the scene with rfgen_sionna.scene.add_radar before solving"
+        f"radar '{radar.name}': none of the {devices} {kind}s of these paths has the radar's {len(elements)} element "
+        f"positions ({len(places)} elements in all, the nearest {near:.6g} m from the radar's position "
+        f"{radar.position} m); add the radar to the scene with rfgen_sionna.scene.add_radar before solving"
     )
 
 
 def path_lengths(entries: PathEntries, tx: FloatArray, rx: FloatArray) -> FloatArray:
     """(entry,) lengths [m] from `tx` to `rx` (entry, 3), in double precision.
 
-    A stretch between two fixed points is as long as the way from the one to the image of the other in the planes of
-    the triangles that reflect it: the interaction points between, which Sionna rounds, don't enter. A refracted path
-    goes straight on, as in Sionna. Where a triangle is no longer where the path met it, the points have to serve.
+    Between fixed points the length is that to the image in the planes of the reflecting triangles, without Sionna's
+    rounded interaction points; refraction is straight, as in Sionna. Where a triangle has moved since, the points are
+    used.
     """
     points = entries.nodes(tx, rx)
     slack = _SURFACE_RTOL * np.maximum(1.0, np.abs(points).max(axis=(1, 2), initial=0.0))
@@ -142,16 +144,14 @@ def path_lengths(entries: PathEntries, tx: FloatArray, rx: FloatArray) -> FloatA
 
 
 def without_duplicates(entries: PathEntries, tx: FloatArray, rx: FloatArray) -> NDArray[np.intp]:
-    """Entries without those that Sionna found twice.
+    """(entry,) entries without duplicates of the path solver.
 
-    Two points are joined by at most one path that is reflected and refracted by given triangles in a given order.
-    Where a surface comes within a millimetre or so of another's plane, the foot of a table and the floor, say, the
-    path solver returns this path once for each of both, on the same triangle in the end, one with its points off
-    by millimetres. The shortest way by its points is right.
+    At most one path is reflected and refracted by given triangles in a given order. Where two surfaces nearly coincide,
+    the solver returns it twice; the shorter one is right.
     """
     points = entries.nodes(tx, rx)
     by_points = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
-    # Of paths through a point that is anywhere on a triangle or an edge there may be many.
+    # Diffuse and diffracted paths on the same triangles may be many.
     free = np.isin(entries.types, (DIFFUSE, DIFFRACTION)).any(axis=1)
     met = entries.types > 0
     key = np.concatenate(
@@ -171,7 +171,7 @@ def without_duplicates(entries: PathEntries, tx: FloatArray, rx: FloatArray) -> 
 
 
 def _triangles(shapes: NDArray[np.int64], faces: NDArray[np.int64]) -> FloatArray:
-    """(entry, 3, 3) corners [m] of faces of Mitsuba's shapes; zeros where there is no such shape any more."""
+    """(entry, 3, 3) corners [m] of faces of Mitsuba's shapes; zeros for removed shapes."""
     if len(shapes) == 0:
         return np.zeros((0, 3, 3))
     ensure_backend()
@@ -186,7 +186,7 @@ def _triangles(shapes: NDArray[np.int64], faces: NDArray[np.int64]) -> FloatArra
 
 
 def shape_names(shapes: list[int]) -> dict[int, str]:
-    """Names of Mitsuba's shapes by their numbers, as Sionna calls the objects."""
+    """Sionna's object names of Mitsuba's shape numbers."""
     ensure_backend()
     import drjit as dr
     import mitsuba
@@ -203,34 +203,33 @@ def shape_names(shapes: list[int]) -> dict[int, str]:
 def match_paths(
     pair: NDArray[np.intp], signature: NDArray[np.int64], vertices: FloatArray, reach: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Follow paths from one element pair to the next.
+    """Match paths of different element pairs.
 
-    Two paths are the same where they meet the same things in the same manner, at points no further apart than `reach`;
-    among several such, the nearest. In one element pair no two paths are the same. To what path an entry is given
-    changes no sum over paths, only what is told about it.
+    Paths match if they have the same signature and points within `reach`; the nearest match counts. The matching
+    affects labels alone, never sums over paths.
 
     Parameters
     ----------
     pair
-        (entry,) element pair of each entry.
-    what
-        (entry, …) what it meets and how.
+        (entry,) element pair.
+    signature
+        (entry, …) interactions.
     vertices
-        (entry, depth, 3) where [m].
+        (entry, depth, 3) interaction points [m].
     reach
         [m] per interaction.
 
     Returns
     -------
     number, first
-        (entry,) number of the path of each entry, counted in the order of the entries; (path,) its first entry.
+        (entry,) path number in the order of the entries; (path,) first entry of each path.
     """
     from scipy.spatial import cKDTree
 
     if len(pair) == 0:
         return np.zeros(0, np.intp), np.zeros(0, np.intp)
     _, group = np.unique(signature, axis=0, return_inverse=True)
-    # What differs in kind is put further away than anything can be.
+    # Offset by signature beyond any distance.
     extent = 1.0 + 4.0 * float(np.abs(vertices).max(initial=0.0)) + reach
     depth = max(vertices.shape[1], 1)
     points = np.concatenate([vertices.reshape(len(pair), -1), (extent * depth * group.reshape(-1))[:, None]], axis=1)
@@ -248,7 +247,7 @@ def match_paths(
         new = entries[number[entries] < 0]
         number[new] = len(known) + np.arange(len(new))
         known.extend(new.tolist())
-    # Count them in the order of the entries, not of the pairs.
+    # Renumber in the order of the entries.
     _, first, number = np.unique(number, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first))
     return rank[number.reshape(-1)], np.sort(first)

@@ -16,67 +16,61 @@ from rfgen_sionna.tracing.surface.quadratic_patch import QUARTERS, split_values
 from rfgen_sionna.tracing.surface.smoothing import find_smoothing
 
 RATE_STEP = 0.5e-3
-"""Half the stretch over which the velocity is differenced [s]."""
+"""Half step of the velocity's central difference [s]."""
 MAX_PHASE_ERROR = 0.3
-"""Phase [rad] by which a piece's corners depart from its far field at the given distance; a third of it on the mean.
-
-A third of it would need as many points again and more, and a person 3 m away asks for about `MAX_PIECES` as it is."""
+"""Phase error of a piece's far-field approximation at its corners [rad]; a third of it in the mean."""
 MAX_SAGITTA = 0.25
-"""Phase [rad] by which a round surface may rise over an edge of a facet, there and back."""
+"""Two-way phase of a facet's sagitta [rad]."""
 SHADOW_STEPS = 32
-"""Facets are no longer than this part of the actor's size: its own shadows end between three points of a facet."""
+"""Largest facets over the actor's size; self-shadowing is resolved to a third of a facet."""
 MAX_PIECES = 2048
-"""Sionna compiles one callable per scattering point, some 30 ms each."""
+"""Most scattering points; Sionna compiles each in some 30 ms."""
 
 
 def add_actor(
     scene: RadarScene | Any, actor: MeshActor, t: float = 0.0, *, distance: float | None = None, name: str | None = None
 ) -> Any:
-    """Put an actor, as it stands at an instant, into a Sionna scene as a `sionna.rt.rcs.SensingTarget`.
+    """Add an actor's pose at `t` to a Sionna scene as a `sionna.rt.rcs.SensingTarget`.
 
-    `sionna.rt.rcs.RCSSolver` then finds the paths by way of it, with the physical-optics cross-section, phase and
-    polarisation of its mesh for every pair of directions, computed as the solver asks: self-shadowing, Fresnel
-    coefficients of its material at the scene's frequency, bistatic directions and ghosts in walls included. To other
-    paths it is an absorber, as all of Sionna's targets are.
+    `sionna.rt.rcs.RCSSolver` then finds its paths, with the bistatic physical-optics cross-section, phase and
+    polarisation of the mesh, self-shadowing and the Fresnel coefficients of its material included. Other paths are
+    absorbed, as by all of Sionna's targets.
 
-    Sionna knows scattering points, which see plane waves. One of them stands for the whole actor at ranges beyond
-    2 D^2 / lambda, which for a person at 77 GHz is more than a kilometre; for nearer devices give `distance`, and the
-    actor becomes as many points as its near field asks for. At that distance their phases err by 0.1 rad in common,
-    and the field of a flat face by 2 % of what it returns broadside: less than 0.1 dB in its main lobe, a dB or so in
-    its side lobes, which are 17 dB and more below. Sionna reserves memory for a million legs per point: with hundreds
-    of points call the solver with a `buffer_size_per_sp` of hundreds, too. Sionna moves a target by one velocity: the
-    mean of the actor's surface at `t`. The target may be moved and turned about the vertical in Sionna; add the actor
-    anew for another pose (Sionna does not turn the polarisation with a target that is tilted, and scales no
-    cross-section).
+    A scattering point sees plane waves, so one point is valid beyond 2 D^2 / lambda. `distance` splits the actor into
+    points with valid far fields from there on. With hundreds of points set the solver's `buffer_size_per_sp` to
+    hundreds as well. The target moves with the surface's mean velocity at `t`. Move it or turn it about the vertical
+    only; add the actor anew for another pose.
 
     Parameters
     ----------
     scene
-        A scene of :func:`rfgen_sionna.scene.load_scene`, or a `sionna.rt.Scene`.
+        A scene of :func:`rfgen_sionna.scene.load_scene` or a `sionna.rt.Scene`.
+    actor
+        The actor.
     t
-        Instant of the pose [s].
+        Time of the pose [s].
     distance
-        Of the nearest transmitter or receiver [m]; None makes it a single point.
+        Distance of the nearest transmitter or receiver [m]; None makes one point.
     name
-        Name of the target in the scene; the actor's own if None.
+        Name of the target in the scene; None uses the actor's.
 
     Raises
     ------
     TypeError
-        If the scene, the actor or the name is none.
+        If the scene, the actor or the name has another type.
     ValueError
-        If the scene has something of that name, the instant is not finite, the distance is not positive, or the actor
-        would need more than `MAX_PIECES` points.
+        If the name is taken, the time is not finite, the distance is not positive, or more than `MAX_PIECES` points are
+        needed.
     """
     inside = sionna_scene(scene)
     if not isinstance(actor, MeshActor):
-        raise TypeError(f"actor: {type(actor).__name__} given, an rfgen_sionna.Actor is needed")
+        raise TypeError(f"actor is a {type(actor).__name__}: give an rfgen_sionna.Actor")
     if not is_number(t):
-        raise ValueError(f"t is {t!r}: a finite instant [s] is needed")
+        raise ValueError(f"t is {t!r}: give a finite time [s]")
     if distance is not None and not (is_number(distance) and distance > 0):
-        raise ValueError(f"distance is {distance!r}: a positive value [m] or None is needed")
+        raise ValueError(f"distance is {distance!r}: give a positive value [m] or None")
     if name is not None and not isinstance(name, str):
-        raise TypeError(f"name: {type(name).__name__} given, a text or None is needed")
+        raise TypeError(f"name is a {type(name).__name__}: give a text or None")
     import mitsuba
     from sionna.rt.rcs import ScatteringModel, SensingTarget
 
@@ -87,7 +81,7 @@ def add_actor(
     name = actor.name if name is None else name
     for known in (inside.objects, inside.transmitters, inside.receivers, inside.radio_materials):
         if name in known:
-            raise ValueError(f"name is {name!r}: the scene has something of that name already; choose another one")
+            raise ValueError(f"name is {name!r}: the scene has an object of that name; choose another name")
 
     def frequency() -> float:
         return float(inside.frequency[0])
@@ -108,8 +102,8 @@ def add_actor(
         faces, pieces = faces[order], cell[order].astype(np.int32)
         if pieces[-1] >= MAX_PIECES:
             raise ValueError(
-                f"{actor.name}: distance {distance:g} m at {frequency() / 1e9:.4g} GHz asks for {pieces[-1] + 1} "
-                f"scattering points of {100 * edge:.1f} cm, {MAX_PIECES} are allowed: give a longer distance, or take "
+                f"{actor.name}: distance {distance:g} m at {frequency() / 1e9:.4g} GHz needs {pieces[-1] + 1} "
+                f"scattering points of {100 * edge:.1f} cm, {MAX_PIECES} are allowed: give a longer distance, or use "
                 "rfgen's own tracer"
             )
     places = _centroids(local, faces, pieces)
@@ -132,7 +126,7 @@ def add_actor(
 
 
 def _centroids(vertices: FloatArray, faces: IntArray, pieces: IntArray | None = None) -> FloatArray:
-    """(piece, 3) area-weighted centroids of the surface's pieces."""
+    """(piece, 3) area-weighted centroids of the surface's pieces [m]."""
     weight = np.linalg.norm(face_normals(vertices, faces), axis=1)
     pieces = np.zeros(len(faces), dtype=np.int32) if pieces is None else pieces
     middles = vertices[faces].mean(axis=1) * weight[:, None]
@@ -141,7 +135,7 @@ def _centroids(vertices: FloatArray, faces: IntArray, pieces: IntArray | None = 
 
 
 def _subdivide(vertices: FloatArray, faces: IntArray, edge: float, frequency: float) -> tuple[FloatArray, IntArray]:
-    """The mesh with no edge longer than `edge` [m], and on the smooth surface that it samples, if it does."""
+    """Subdivide the mesh, on its smooth surface if it has one, to edges no longer than `edge` [m]."""
     smooth = find_smoothing(vertices, faces)
     if smooth is None:
         import trimesh
@@ -154,7 +148,7 @@ def _subdivide(vertices: FloatArray, faces: IntArray, edge: float, frequency: fl
         coarse = (rise > MAX_SAGITTA) | (lengths(corners[:, [1, 2, 0]] - corners).max(axis=1) > edge)
         last = patch.take(np.flatnonzero(~coarse))
         corner_offsets = 0.0 if last.corner_offsets is None else last.corner_offsets
-        # As high as the patch is on the mean: a third of what its edges rise.
+        # Mean height of the patch.
         done.append(corners[~coarse] + corner_offsets + last.sagittas.mean(axis=1, keepdims=True))
         corners, patch = split_values(QUARTERS, corners[coarse]), patch.take(np.flatnonzero(coarse)).divided(QUARTERS)
     found = np.concatenate(done)

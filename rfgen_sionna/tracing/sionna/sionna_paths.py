@@ -1,11 +1,8 @@
-"""Paths of Sionna's own solvers as :class:`~rfgen_sionna.records.RadarPaths`.
+"""Paths of Sionna's solvers as :class:`~rfgen_sionna.records.RadarPaths`.
 
-Sionna computes in single precision. Gains, directions and Doppler shifts lose nothing by that. A delay does: it is
-right to some 1e-7 of the largest coordinate, in a town a good part of a wavelength. So delays are computed anew
-in double precision, from the radar's element positions, by mirroring the receiver in the very triangles that reflect a
-path: what remains, for specular and refracted paths, is the rounding of the scene's own vertices. Where a path is
-pinned to a point (diffuse reflection, diffraction, a scattering point of a sensing target) its delay is that by way of
-this point, rounded to single precision as it is.
+Sionna computes in single precision, which is too coarse for delays. They are recomputed in double precision by
+mirroring the receiver's elements in the reflecting triangles; points of diffuse reflection, diffraction and sensing
+targets keep their single-precision positions.
 """
 
 from __future__ import annotations
@@ -37,53 +34,53 @@ from rfgen_sionna.tracing.sionna.path_entries import (
 )
 
 DIRECT = "direct"
-"""What labels call the path from a Tx to an Rx element without an interaction."""
-_NULL = 1e-6  # of an isotropic element's field: in a null of its antenna no gain can be told
-_NEGLIGIBLE = 1e-3  # relative change of a gain over half the band
+"""Label of the path from Tx to Rx without an interaction."""
+_NULL = 1e-6
+"""Least field gain of an antenna, over isotropic: below it the unit gain is undefined."""
+_NEGLIGIBLE = 1e-3
+"""Relative gain change over half the band up to which dispersion is dropped."""
 
 
 def from_sionna(paths: Any, radar: Radar, *, time: float = 0.0, scene: Any = None) -> RadarPaths:
-    """Convert what `sionna.rt.PathSolver` or `sionna.rt.rcs.RCSSolver` found for one radar.
+    """Convert the result of `sionna.rt.PathSolver` or `sionna.rt.rcs.RCSSolver` for one radar.
 
-    The radar must stand in the scene (:func:`rfgen_sionna.scene.add_radar`), the scene be tuned to the radar's band,
-    and the solver be called with `synthetic_array=False`. Paths to and from other devices are left out. All else that
-    the solver found is kept, once (:func:`~rfgen_sionna.tracing.sionna.path_entries.without_duplicates`), the direct
-    paths from Tx to Rx elements included: `los=False` in the solver, or `select(paths.bounces > 0)`, leaves those out.
+    Add the radar to the scene (:func:`rfgen_sionna.scene.add_radar`), tune the scene to the radar's band, and solve
+    with `synthetic_array=False`. Paths of other devices are dropped, and duplicates
+    (:func:`~rfgen_sionna.tracing.sionna.path_entries.without_duplicates`). Direct paths from Tx to Rx stay; `los=False`
+    in the solver, or `select(paths.bounces > 0)`, drops them.
 
-    Gains are Sionna's, divided by the field gains of its antennas. Over the band they go with the wavelength (with its
-    power 3/2 where the path is diffracted); how a material's or a slab's coefficients change over it is not known.
-    The coherent sum of diffuse paths is as arbitrary as in Sionna, their power is right. A path is followed through
-    the element pairs; where it is missing in one it has no gain there. Delays are recomputed in double precision (see
-    the module), from surfaces that must still be where they were when the solver ran; otherwise they have the
-    precision of the path's interaction points.
+    Gains are Sionna's, divided by the field gains of its antennas. Over the band they scale with the wavelength, with
+    its power 3/2 for diffraction; the dispersion of materials is unknown. Phases of diffuse paths are arbitrary, as in
+    Sionna. A path that is missing in an element pair has no gain there. Delays need the scene's surfaces where the
+    solver found them; otherwise they have the precision of the interaction points.
 
     Parameters
     ----------
     paths
-        `sionna.rt.Paths`
+        `sionna.rt.Paths`.
     radar
-        The radar whose paths are wanted, at its place (for one that moves: `radar.at(t)`).
+        The radar at its position; for a moving one `radar.at(t)`.
     time
-        When the scene was as it was solved [s], on the clock that synthesis uses.
+        Time of the solved scene [s].
     scene
-        The `sionna.rt.Scene` or `RadarScene` of the paths: gives sensing targets their names in the labels.
+        The paths' `sionna.rt.Scene` or `RadarScene`, for the names of sensing targets; None numbers them.
 
     Returns
     -------
-    Paths with a single knot, shortest first. Objects and parts are Sionna's objects, and `direct`; a path is told by
-    its sensing target where it has one, else by what it meets first, panes that it only passes aside.
+    Paths with a single knot, shortest first. Objects and parts are Sionna's objects, and `direct`; the label of a path
+    is its sensing target, else its first interaction other than refraction.
 
     Raises
     ------
     TypeError
-        If `paths` are no `sionna.rt.Paths`, or the radar or the scene is none.
+        If `paths`, the radar or the scene has another type.
     ValueError
-        If the time is not finite, or the paths were computed for synthetic arrays, for another frequency, for elements
-        of several polarisations, or without this radar.
+        If the time is not finite, or the paths are for synthetic arrays, another frequency, elements of several
+        polarisations, or another radar.
     """
     frequency = _check(paths, radar)
     if not is_number(time):
-        raise ValueError(f"time is {time!r}: a finite instant [s] is needed")
+        raise ValueError(f"time is {time!r}: give a finite time [s]")
     inside = None if scene is None else sionna_scene(scene)
     entries = read_entries(paths, radar)
     entries = entries.take(without_duplicates(entries, radar.tx_world[entries.tx], radar.rx_world[entries.rx]))
@@ -97,7 +94,7 @@ def from_sionna(paths: Any, radar: Radar, *, time: float = 0.0, scene: Any = Non
     count = len(first)
 
     def spread(values: FloatArray) -> FloatArray:
-        """(entry,) as (tx, rx, path, time); the path's mean where it is missing in an element pair."""
+        """(entry,) as (tx, rx, path, time), with the path's mean for missing element pairs."""
         mean = np.bincount(number, weights=values, minlength=count) / np.bincount(number, minlength=count)
         out = np.tile(mean[:, None], (len(radar.tx_world), len(radar.rx_world), 1, 1))
         out[entries.tx, entries.rx, number, 0] = values
@@ -132,26 +129,25 @@ def from_sionna(paths: Any, radar: Radar, *, time: float = 0.0, scene: Any = Non
 
 
 def _check(paths: Any, radar: Radar) -> float:
-    """The frequency of the paths [Hz], after refusing what are no paths of a radar."""
+    """Frequency of the paths [Hz]; raises for anything other than a radar's paths."""
     ensure_backend()
     import sionna.rt
 
     if not isinstance(paths, sionna.rt.Paths):
         raise TypeError(
-            f"paths: {type(paths).__name__} given, the sionna.rt.Paths that a solver returns are needed (its `cir`, "
-            "`cfr` and `taps` are no paths any more, and by default their delays count from the first one)"
+            f"paths is a {type(paths).__name__}: give the sionna.rt.Paths of a solver, not its `cir`, `cfr` or `taps`"
         )
     if not isinstance(radar, Radar):
-        raise TypeError(f"radar: {type(radar).__name__} given, the rfgen_sionna.Radar that the paths are of is needed")
+        raise TypeError(f"radar is a {type(radar).__name__}: give the rfgen_sionna.Radar of the paths")
     if paths.synthetic_array:
         raise ValueError(
-            "paths.synthetic_array is True: across the array the phases are those of plane waves, which errs by "
-            "degrees at indoor ranges; call the solver with synthetic_array=False"
+            "paths.synthetic_array is True: its plane-wave phases across the array are wrong at indoor ranges; call "
+            "the solver with synthetic_array=False"
         )
     for end, array in (("tx", paths.tx_array), ("rx", paths.rx_array)):
         kinds = len(array.antenna_pattern.patterns)
         if kinds != 1:
-            raise ValueError(f"paths.{end}_array has {kinds} polarisations per element; a radar's elements have one")
+            raise ValueError(f"paths.{end}_array has {kinds} polarisations per element: give it one, as the radar has")
     # Sionna has no public name for the frequency that paths were computed for.
     frequency = float(paths._frequency[0])
     centre, half_band = radar.center_frequency, 0.5 * radar.waveform.bandwidth
@@ -190,9 +186,10 @@ def _field_gain(array: Any, directions: FloatArray) -> FloatArray:
 def _directions(
     entries: PathEntries, number: NDArray[np.intp], count: int, radar: Radar
 ) -> tuple[FloatArray, FloatArray]:
-    """(path, 3) from the phase centre to the first and to the last interaction, means over the element pairs.
+    """(path, 3) unit vectors from the phase centre to the first and to the last interaction, means over the element
+    pairs.
 
-    A direct path goes from the Tx to the Rx elements, whatever the phase centre.
+    A direct path runs from Tx to Rx.
     """
     tx, rx = radar.tx_world[entries.tx], radar.rx_world[entries.rx]
     points, direct = entries.nodes(tx, rx), (entries.depth == 0)[:, None]
@@ -216,7 +213,7 @@ def _kinds(types: NDArray[np.int64]) -> NDArray[np.uint8]:
 def _labels(
     entries: PathEntries, number: NDArray[np.intp], first: NDArray[np.intp], scene: Any
 ) -> tuple[tuple[str, ...], IntArray, IntArray]:
-    """Names of all objects, and per path the index of its object and its face there (-1 where it has no single one)."""
+    """Object names, (path,) object index, and (path,) face of the object, -1 without a single one."""
     types, objects = entries.types[first], entries.objects[first]
     targets = list(scene.sensing_targets) if scene is not None else []
     shapes = sorted({int(shape) for shape in objects[(types > 0) & (types != SENSING)]})
