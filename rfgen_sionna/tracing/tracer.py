@@ -27,7 +27,7 @@ from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
 from rfgen_sionna.tracing.moving.sample_times import choose_sample_times
 from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
 from rfgen_sionna.tracing.relative import RelativeObject, relative_objects, to_world
-from rfgen_sionna.tracing.report import TraceReport
+from rfgen_sionna.tracing.report import Traced, TraceReport
 from rfgen_sionna.tracing.static.actor_shadows import Shadow
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
 from rfgen_sionna.tracing.static.static_refinement import interpolation_error, refine_occlusion
@@ -43,7 +43,6 @@ from rfgen_sionna.tracing.static.static_transmission import (
 from rfgen_sionna.tracing.static.static_visibility import StaticVisibility
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
 from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
-from rfgen_sionna.tracing.traced import Traced
 from rfgen_sionna.tracing.transmission.slab_footprints import SlabLegs
 from rfgen_sionna.tracing.transmission.transmission import Transmission
 

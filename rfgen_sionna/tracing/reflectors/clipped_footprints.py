@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,27 +40,44 @@ class ClippedFootprints:
     share: FloatArray
     """(piece,) how much of each is seen, above 0."""
 
-    @staticmethod
-    def none() -> ClippedFootprints:
-        empty = np.zeros(0, np.int32)
-        return ClippedFootprints(
-            empty.astype(np.intp), empty, empty, np.zeros((0, 3, 3)), empty.astype(np.intp), np.zeros(0)
-        )
+    @classmethod
+    def none(cls) -> Self:
+        """No entries."""
+        empty, index = np.zeros(0, np.int32), np.zeros(0, np.intp)
+        return cls(index, empty, empty, np.zeros((0, 3, 3)), index, np.zeros(0))
 
-    def take(self, chosen: NDArray[np.bool_]) -> ClippedFootprints:
-        """The entries that `chosen` marks."""
-        place = np.cumsum(chosen) - 1
-        kept = chosen[self.owner]
-        return ClippedFootprints(
-            self.facet[chosen],
-            self.first[chosen],
-            self.last[chosen],
-            self.pieces[kept],
-            place[self.owner[kept]],
-            self.share[kept],
-        )
+    @classmethod
+    def concatenate(cls, footprint_sets: Sequence[ClippedFootprints]) -> Self:
+        """All entries, one set after the other."""
+        firsts = np.cumsum([0] + [len(each.facet) for each in footprint_sets])
+        columns = {each.name: [getattr(found, each.name) for found in footprint_sets] for each in fields(cls)}
+        columns["owner"] = [owner + first for owner, first in zip(columns["owner"], firsts, strict=False)]
+        return cls(**{name: np.concatenate(column) for name, column in columns.items()})
 
-    def swapped(self) -> ClippedFootprints:
+    @classmethod
+    def merge(cls, footprint_sets: Sequence[ClippedFootprints]) -> Self:
+        """All entries, in ascending order of their keys, each of them unique."""
+        footprint_sets = [each for each in footprint_sets if len(each.facet)]
+        if not footprint_sets:
+            return cls.none()
+        found = cls.concatenate(footprint_sets)
+        order = np.lexsort(found.keys.T[::-1])
+        rank = np.empty(len(order), np.intp)
+        rank[order] = np.arange(len(order))
+        return replace(found, **found._entries(order), owner=rank[found.owner])
+
+    def take(self, chosen: NDArray[np.bool_]) -> Self:
+        """Entries by the mask `chosen` (entry,)."""
+        place, used = np.cumsum(chosen) - 1, chosen[self.owner]
+        pieces = {"pieces": self.pieces[used], "owner": place[self.owner[used]], "share": self.share[used]}
+        return replace(self, **self._entries(chosen), **pieces)
+
+    def _entries(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> dict[str, Any]:
+        """Fields per entry, indexed."""
+        names = {each.name for each in fields(self)} - {"pieces", "owner", "share"}
+        return {name: getattr(self, name)[index] for name in sorted(names)}
+
+    def swapped(self) -> Self:
         """The same with both ways changed over."""
         return replace(self, first=self.last, last=self.first)
 
@@ -188,24 +206,3 @@ class ReflectedBand(ImageBand):
         tau = np.zeros((len(nodes), len(facets)))
         tau[:, owner] = found.tau
         return FacetGains(np.ascontiguousarray((sums @ found.a.T).T)[None], tau)
-
-
-def merge_footprints(footprint_sets: Sequence[ClippedFootprints]) -> ClippedFootprints:
-    """All entries, in ascending order of their keys; no key may be there twice."""
-    footprint_sets = [each for each in footprint_sets if len(each.facet)]
-    if not footprint_sets:
-        return ClippedFootprints.none()
-    keys = np.concatenate([each.keys for each in footprint_sets])
-    order = np.lexsort(keys.T[::-1])
-    rank = np.empty(len(order), np.intp)
-    rank[order] = np.arange(len(order))
-    firsts = np.cumsum([0] + [len(each.facet) for each in footprint_sets])
-    owner = np.concatenate([each.owner + start for each, start in zip(footprint_sets, firsts, strict=False)])
-    return ClippedFootprints(
-        keys[order, 0].astype(np.intp),
-        keys[order, 1].astype(np.int32),
-        keys[order, 2].astype(np.int32),
-        np.concatenate([each.pieces for each in footprint_sets]),
-        rank[owner],
-        np.concatenate([each.share for each in footprint_sets]),
-    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cached_property
 
@@ -10,12 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.reflectors.clipped_footprints import DIRECT, ON_PLANE, ClippedFootprints
-from rfgen_sionna.tracing.reflectors.planar_reflectors import PlanarReflector
+from rfgen_sionna.tracing.ghosts.image_band import ImageBand
+from rfgen_sionna.tracing.ghosts.mirrors import Mirror
+from rfgen_sionna.tracing.reflectors.clipped_footprints import (
+    DIRECT,
+    ON_PLANE,
+    ClippedFootprints,
+    ReflectedBand,
+    ReflectedFacets,
+)
+from rfgen_sionna.tracing.reflectors.planar_reflectors import PlanarPart, PlanarReflector
 from rfgen_sionna.tracing.shadows.mirror_visibility import FINE_LATTICE, GUIDE_POINTS
 from rfgen_sionna.tracing.surface.clip import clip_triangles
 from rfgen_sionna.tracing.surface.facets import Facets
+
+MAX_IMAGES = 12
+"""Most reflectors whose images choose the knots; they move alike."""
 
 
 class FootprintClipper:
@@ -207,3 +219,52 @@ class FootprintClipper:
         before = height > ON_PLANE
         foot, other = -here * normal, targets - height * normal
         return (height * foot + here * other) / np.where(before, here + height, 1.0), before[:, 0]
+
+
+class FreeLegs:
+    """Reflected legs through free space: how footprints are clipped, joined and integrated."""
+
+    @property
+    def band(self) -> Callable[[Radar, float, Sequence[Mirror], bool, bool], ImageBand]:
+        """Constructor of the band that integrates the facets."""
+        return ReflectedBand
+
+    def clipper(
+        self,
+        rays: RayScene,
+        vertices: Sequence[FloatArray],
+        reflectors: Sequence[PlanarReflector | None],
+        owner: IntArray,
+        viewpoint: FloatArray,
+        facets: Facets,
+        max_range: float,
+    ) -> FootprintClipper:
+        """As :class:`FootprintClipper`; `vertices` are the (vertex, 3) positions [m] of all surfaces."""
+        return FootprintClipper(rays, reflectors, owner, viewpoint, facets, max_range)
+
+    def directly_visible(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:
+        """(facet,) whether each may be visible on the straight leg, from its visible `fraction` (facet,)."""
+        return np.asarray(fraction > 0)
+
+    def joined(self, footprint_sets: Sequence[ClippedFootprints]) -> ClippedFootprints:
+        """All entries, in ascending order of their keys, each of them unique."""
+        return ClippedFootprints.merge(footprint_sets)
+
+    def over_time(
+        self,
+        facets: Sequence[Facets],
+        keys: NDArray[np.int64],
+        footprint_sets: Sequence[ClippedFootprints],
+        swapped: bool,
+    ) -> Sequence[ReflectedFacets]:
+        """Facets by sorted `keys` at each sample time, with the legs `swapped` or not."""
+        both = zip(facets, footprint_sets, strict=True)
+        return [ReflectedFacets.clipped(there, keys, footprints, swapped) for there, footprints in both]
+
+    def imaging(
+        self, planar_parts: Sequence[PlanarPart], reflectors: Sequence[PlanarReflector | None], static: int
+    ) -> list[int]:
+        """Reflectors whose images choose the knots: an even selection of those on surfaces from number `static` on."""
+        both = enumerate(zip(planar_parts, reflectors, strict=True))
+        moving = [n for n, (part, reflector) in both if part.surface >= static and reflector is not None]
+        return moving[:: max(1, -(-len(moving) // MAX_IMAGES))]

@@ -23,23 +23,21 @@ from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.ghosts.image_band import ImageBand
 from rfgen_sionna.tracing.ghosts.image_returns import LEG_COMBINATIONS, Centroids, ImageReturns
 from rfgen_sionna.tracing.ghosts.mirrors import Mirror
 from rfgen_sionna.tracing.reflectors.clipped_footprints import (
     DIRECT,
     ClippedFootprints,
-    ReflectedBand,
     ReflectedFacets,
-    merge_footprints,
 )
 from rfgen_sionna.tracing.reflectors.edge_diffraction import EdgeDiffractionError
-from rfgen_sionna.tracing.reflectors.footprint_clipper import FootprintClipper
+from rfgen_sionna.tracing.reflectors.footprint_clipper import FreeLegs
 from rfgen_sionna.tracing.reflectors.planar_reflectors import (
     UNBOUNDED,
     PlanarPart,
     PlanarReflector,
     adjacent_parts,
+    face_owners,
     find_planar_parts,
     min_widths,
     mirror_weights,
@@ -56,8 +54,6 @@ REST_INTERVALS = 3
 """Stretches of time for which what was too weak is not looked at again, up to twice that, in turns ..."""
 WAKE_GROWTH = 1.1
 """... unless plates may show so many times more facets than when it came to rest."""
-MAX_IMAGES = 12
-"""Plates whose images do."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +93,11 @@ class PlanarReflections:
         radar: Radar,
         rtol: float,
         max_bounces: int,
-        walls: Callable[[], tuple[Mirror, ...]],
+        walls: Callable[[], tuple[Mirror, ...]] = tuple,
+        legs: FreeLegs | None = None,
     ) -> None:
         self._surfaces, self._radar, self._rtol, self._max_bounces = surfaces, radar, rtol, max_bounces
-        self._walls = walls
+        self._walls, self._legs = walls, legs or FreeLegs()
         self._viewpoint = np.asarray(radar.position)
         self._planar_parts: tuple[PlanarPart, ...] | None = None
         self._positions: Callable[[float], Sequence[FloatArray]] = lambda _: ()
@@ -117,7 +114,7 @@ class PlanarReflections:
         # (surface,) of those that move: whether it is the radar that does.
         self._still = np.array([surface.still for surface in surfaces.moving], np.bool_)
         names = surfaces.object_names, surfaces.part_names
-        self._returns = ImageReturns(surfaces.moving, names, radar, rtol, self._mirrors, self._band)
+        self._returns = ImageReturns(surfaces.moving, names, radar, rtol, self._mirrors, self._legs.band)
         self._edges = EdgeDiffractionError(
             radar, [each.material for each in surfaces.moving], tolerance_groups(surfaces.moving)
         )
@@ -135,7 +132,7 @@ class PlanarReflections:
             self._counts = np.zeros((len(self._planar_parts), len(self._surfaces.moving)), np.int32)
             if self._still.any():
                 self._adjacent = adjacent_parts(self._planar_parts, vertices)
-        self._imaging = self._imaging_reflectors(t)
+        self._imaging = self._legs.imaging(self.planar_parts, self.at(t), len(self._surfaces.static))
         return len(self._planar_parts) > 0
 
     def delay_points(self, vertices: Sequence[FloatArray]) -> list[FloatArray]:
@@ -145,14 +142,6 @@ class PlanarReflections:
         few = [points[:: max(1, len(points) // IMAGE_SAMPLES)] for points in vertices]
         planar_parts = [self.planar_parts[number] for number in self._imaging]
         return [flat.image(every[flat.surface], points) for flat in planar_parts for points in few]
-
-    def _imaging_reflectors(self, t: float) -> list[int]:
-        """Plates in which images are followed: some of those that move and show something at `t` [s]."""
-        first, reflectors = len(self._surfaces.static), zip(self.planar_parts, self.at(t), strict=True)
-        moving = [
-            n for n, (flat, reflector) in enumerate(reflectors) if flat.surface >= first and reflector is not None
-        ]
-        return moving[:: max(1, -(-len(moving) // MAX_IMAGES))]
 
     @property
     def planar_parts(self) -> tuple[PlanarPart, ...]:
@@ -194,11 +183,7 @@ class PlanarReflections:
     @cached_property
     def owner(self) -> IntArray:
         """(face,) number of the plate that each face of the ray scene belongs to, -1 for none."""
-        every = (*self._surfaces.static, *self._surfaces.moving)
-        owner = np.full(sum(len(each.faces) for each in every), -1, np.int32)
-        for number, flat in enumerate(self.planar_parts):
-            owner[flat.faces] = number
-        return owner
+        return face_owners(self.planar_parts, (*self._surfaces.static, *self._surfaces.moving))
 
     @cached_property
     def _wall(self) -> NDArray[np.bool_]:
@@ -221,7 +206,9 @@ class PlanarReflections:
     def trace_visibility(self, t: float, rays: RayScene, facets: Facets, fraction: FloatArray) -> ReflectionVisibility:
         """What the plates show at `t` [s] of the facets, of which `fraction` (facet,) is seen directly."""
         wall, still = self._wall, self._stays
-        clipper, visible = self._clipper(t, rays, facets), self._directly_visible(facets, fraction)
+        vertices = [*self._surfaces.static_vertices, *self._positions(t)]
+        given = self.at(t), self.owner, self._viewpoint, facets, self._radar.max_range
+        clipper, visible = self._legs.clipper(rays, vertices, *given), self._legs.directly_visible(facets, fraction)
         own = self.owner[facets.number]
         unoccluded, once = {}, []
         for number, reflector in enumerate(self.at(t)):
@@ -248,33 +235,9 @@ class PlanarReflections:
                     if other != number:
                         twice.append(found.swapped())
         sampled_facets = sum(len(each) for each in unoccluded.values())
-        return ReflectionVisibility(self._joined(once), self._joined(twice), sampled_facets, clipper.sent, clipper.left)
-
-    # What these are is another thing where slabs are seen through.
-
-    def _clipper(self, t: float, rays: RayScene, facets: Facets) -> FootprintClipper:
-        return FootprintClipper(rays, self.at(t), self.owner, self._viewpoint, facets, self._radar.max_range)
-
-    def _directly_visible(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:
-        """(facet,) which may be seen the straight way."""
-        return np.asarray(fraction > 0)
-
-    def _joined(self, footprint_sets: Sequence[ClippedFootprints]) -> ClippedFootprints:
-        return merge_footprints(footprint_sets)
-
-    def _facets_over_time(
-        self,
-        facets: Sequence[Facets],
-        keys: NDArray[np.int64],
-        footprint_sets: Sequence[ClippedFootprints],
-        swapped: bool,
-    ) -> Sequence[ReflectedFacets]:
-        """Facets by `keys` as they are seen at each of some instants."""
-        both = zip(facets, footprint_sets, strict=True)
-        return [ReflectedFacets.clipped(there, keys, footprints, swapped) for there, footprints in both]
-
-    def _band(self, radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> ImageBand:
-        return ReflectedBand(radar, rtol, mirrors, tx, rx)
+        return ReflectionVisibility(
+            self._legs.joined(once), self._legs.joined(twice), sampled_facets, clipper.sent, clipper.left
+        )
 
     def _partners(self, t: float) -> list[set[int]]:
         """(plate,) by way of which plates that stay in the world, together with each of them, others are shown: itself,
@@ -395,7 +358,7 @@ class PlanarReflections:
         shares = mirror_weights(self._area, self.owner[facets[0].number[keys[:, 0]]], keys[:, 1], keys[:, 2])
         return [
             visible_facets.times(shares)
-            for visible_facets in self._facets_over_time(facets, keys, footprint_sets, swapped)
+            for visible_facets in self._legs.over_time(facets, keys, footprint_sets, swapped)
         ]
 
     def _shared_levels(self, reference_level: FloatArray) -> FloatArray:

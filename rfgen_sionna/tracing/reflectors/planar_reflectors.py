@@ -164,6 +164,14 @@ def find_planar_parts(
     return tuple(found)
 
 
+def face_owners(planar_parts: Sequence[PlanarPart], surfaces: Sequence[Surface]) -> IntArray:
+    """(face,) number of the planar part of each face of the `surfaces`, -1 for none."""
+    owner = np.full(sum(len(each.faces) for each in surfaces), -1, np.int32)
+    for number, part in enumerate(planar_parts):
+        owner[part.faces] = number
+    return owner
+
+
 def min_widths(static: int, moving: int, wavelength: float) -> list[float]:
     """Widths [m] for :func:`find_planar_parts` of so many surfaces that stay and that move."""
     return [2.0 * float(np.sqrt(wavelength * FRESNEL_DISTANCE))] * static + [MIN_WAVELENGTHS * wavelength] * moving

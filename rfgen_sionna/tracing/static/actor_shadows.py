@@ -60,6 +60,22 @@ def cast_shadow(
     return Shadow(changing, index), Shadow(_weighted(paths.select(steady), left[steady, :1] - 1.0), steady)
 
 
+@dataclass(frozen=True)
+class StaticIndirectPaths:
+    """Paths within the static scene besides direct ones, without actors."""
+
+    paths: RadarPaths
+    """Single knot."""
+    error: float
+    """Estimated error, relative to the static reference level."""
+    rays: int
+    """Rays sent."""
+
+    def shadows(self, knots: FloatArray, left: FloatArray) -> tuple[Shadow, Shadow]:
+        """As :func:`cast_shadow`, with the visible share `left` (path, time) at the `knots` [s]."""
+        return cast_shadow(self.paths, left, knots)
+
+
 def _weighted(paths: RadarPaths, weight: FloatArray) -> RadarPaths:
     dispersion = None if paths.dispersion is None else paths.dispersion * weight
     return replace(paths, a=paths.a * weight, dispersion=dispersion)

@@ -11,24 +11,20 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.curved.smoothed_surface import SmoothedSurface
-from rfgen_sionna.tracing.reflectors.planar_reflectors import find_planar_parts
-from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
+from rfgen_sionna.tracing.reflectors.planar_reflectors import face_owners, find_planar_parts
+from rfgen_sionna.tracing.static.actor_shadows import StaticIndirectPaths
 from rfgen_sionna.tracing.static.static_reflections import MIN_PLATE_WIDTH
 from rfgen_sionna.tracing.static.static_trace import StaticTrace
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
 
 @dataclass(frozen=True)
-class StaticCurvedReflections:
-    """Specular double bounces within the static scene."""
+class StaticCurvedReflections(StaticIndirectPaths):
+    """Specular double bounces within the static scene: all in one direction, then in the other."""
 
-    paths: RadarPaths
-    """Single knot; all double bounces in one direction, then in the other."""
-    rays: int
     facet: NDArray[np.int64]
     """(double bounce, 2) faces of both points."""
     places: FloatArray
@@ -36,20 +32,12 @@ class StaticCurvedReflections:
     free: NDArray[np.bool_]
     """(double bounce,) whether visibility rays are free without actors; grazing rays may touch the surface itself."""
     viewpoint: FloatArray
-    error: float
-    """Error of geometrical optics (:mod:`~rfgen_sionna.tracing.curved.stationary_phase_error`), relative to the static
-    reference level."""
 
     def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
         """(path,) 0 where an actor blocks a leg, else 1, and the number of rays sent. `rays` includes the actors; their
         positions `actors` are not used."""
         hidden = self.free & ~_unobstructed(rays, self.facet, self.places, self.viewpoint)
         return np.tile(1.0 - hidden, 2), 3 * len(hidden)
-
-    def shadows(self, knots: FloatArray, left: FloatArray) -> tuple[Shadow, Shadow]:
-        """As :meth:`rfgen_sionna.tracing.static.static_trace.StaticTrace.shadows`; `left` (path, time) is from
-        :meth:`visible`."""
-        return cast_shadow(self.paths, left, knots)
 
 
 def _unobstructed(
@@ -69,11 +57,8 @@ def trace_static_curved(
     if all(each.smooth is None for each in surfaces.static):
         return None
     points = surfaces.static_vertices
-    owner = np.full(sum(len(each.faces) for each in surfaces.static), -1, np.int32)
-    for number, flat in enumerate(
-        find_planar_parts(surfaces.static, points, [MIN_PLATE_WIDTH * radar.wavelength] * len(points))
-    ):
-        owner[flat.faces] = number
+    parts = find_planar_parts(surfaces.static, points, [MIN_PLATE_WIDTH * radar.wavelength] * len(points))
+    owner = face_owners(parts, surfaces.static)
     rounds = CurvedReflections(
         replace(surfaces, moving=()), radar, rtol, lambda: owner, lambda: static.unoccluded, still=True
     )
@@ -88,4 +73,4 @@ def trace_static_curved(
     places, _ = stands.places(np.arange(len(place)), place)
     view = np.asarray(radar.position)
     free = _unobstructed(rays, facet, places.reshape(-1, 2, 3), view)
-    return StaticCurvedReflections(paths, visible.rays, facet, places.reshape(-1, 2, 3), free, view, error)
+    return StaticCurvedReflections(paths, error, visible.rays, facet, places.reshape(-1, 2, 3), free, view)

@@ -18,7 +18,7 @@ from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.integral.propagation import phasors
-from rfgen_sionna.tracing.moving.interpolation_loss import interpolation_loss, leave_one_out, missed_energy, rms
+from rfgen_sionna.tracing.moving.knots import interpolation_loss, leave_one_out, missed_energy, rms
 from rfgen_sionna.tracing.moving.temporal_refinement import (
     BETWEEN_PER_RTOL,
     MIN_SAMPLE_TIMES,

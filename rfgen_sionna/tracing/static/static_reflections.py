@@ -8,7 +8,7 @@ from the outline. A curved surface returns by a reflector as much as directly, a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
@@ -22,27 +22,24 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.expansion import PROBES
 from rfgen_sionna.tracing.ghosts.ghost_levels import GhostLevels, ghost_levels
-from rfgen_sionna.tracing.ghosts.image_band import ImageBand
 from rfgen_sionna.tracing.ghosts.image_returns import LEG_COMBINATIONS, ImageReturns
-from rfgen_sionna.tracing.ghosts.mirrors import Mirror
 from rfgen_sionna.tracing.reflectors.clipped_footprints import (
     DIRECT,
     ClippedFootprints,
-    ReflectedBand,
     ReflectedFacets,
-    merge_footprints,
 )
 from rfgen_sionna.tracing.reflectors.corner_returns import CornerReturnEstimate
 from rfgen_sionna.tracing.reflectors.edge_diffraction import EdgeDiffractionError
-from rfgen_sionna.tracing.reflectors.footprint_clipper import FootprintClipper
+from rfgen_sionna.tracing.reflectors.footprint_clipper import FootprintClipper, FreeLegs
 from rfgen_sionna.tracing.reflectors.planar_reflectors import (
     PlanarReflector,
     adjacent_parts,
+    face_owners,
     find_planar_parts,
     mirror_weights,
     wide_reflectors,
 )
-from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
+from rfgen_sionna.tracing.static.actor_shadows import StaticIndirectPaths
 from rfgen_sionna.tracing.static.static_trace import StaticTrace
 from rfgen_sionna.tracing.static.static_visibility import static_facets
 from rfgen_sionna.tracing.surface.clip import triangle_areas
@@ -58,32 +55,17 @@ NEGLIGIBLE = 0.2
 
 
 @dataclass(frozen=True)
-class StaticReflections:
+class StaticReflections(StaticIndirectPaths):
     """Paths of two and three bounces within the static scene without actors, single knot."""
 
-    paths: RadarPaths
-    error: float
-    """Relative to the static reference level."""
-    rays: int
     footprint_sets: tuple[ClippedFootprints, ...]
     """Pieces of the paths, by leg combination."""
     clipper: FootprintClipper
 
     @cached_property
     def _pieces(self) -> ClippedFootprints:
-        return self._all_pieces()
-
-    def _all_pieces(self) -> ClippedFootprints:
-        """All pieces; `owner` is the path."""
-        firsts = np.cumsum([0] + [len(each.facet) for each in self.footprint_sets])
-        return ClippedFootprints(
-            np.concatenate([each.facet for each in self.footprint_sets]),
-            np.concatenate([each.first for each in self.footprint_sets]),
-            np.concatenate([each.last for each in self.footprint_sets]),
-            np.concatenate([each.pieces for each in self.footprint_sets]),
-            np.concatenate([each.owner + first for each, first in zip(self.footprint_sets, firsts, strict=False)]),
-            np.concatenate([each.share for each in self.footprint_sets]),
-        )
+        """All pieces; entries are paths."""
+        return type(self.footprint_sets[0]).concatenate(self.footprint_sets)
 
     def visible(self, rays: RayScene, actors: Sequence[FloatArray]) -> tuple[FloatArray, int]:
         """(path,) visible share with the actors in `rays`, relative to the scene without them, and the number of rays
@@ -99,27 +81,15 @@ class StaticReflections:
         found = 1.0 - lost / np.maximum(whole, 1e-300)
         return np.clip(found, 0.0, None), sent
 
-    def shadows(self, knots: FloatArray, fraction: FloatArray) -> tuple[Shadow, Shadow]:
-        """As :meth:`rfgen_sionna.tracing.static.static_trace.StaticTrace.shadows`; `fraction` (path, time) is from
-        :meth:`visible`."""
-        return cast_shadow(self.paths, fraction, knots)
 
-
-@dataclass(frozen=True)
-class ReflectionSetup:
+class ReflectionSetup(NamedTuple):
     """Parts of the reflection trace that differ with and without slabs."""
 
     facets: Facets
     """Facets that face the radar, as candidates for one mirrored leg."""
     levels: FloatArray
     """(surface,) direct return of each."""
-    clipper: Callable[[Sequence[PlanarReflector | None], IntArray, Facets], FootprintClipper]
-    """From reflectors, the reflector's number of each face, and facets."""
-    band: Callable[[Radar, float, Sequence[Mirror], bool, bool], ImageBand]
-    merge_footprints: Callable[[Sequence[ClippedFootprints]], ClippedFootprints]
-    clipped: Callable[[Facets, ClippedFootprints, bool], ReflectedFacets]
-    """From facets, footprints, and whether the legs are swapped."""
-    result_type: Callable[[RadarPaths, float, int, tuple[ClippedFootprints, ...], FootprintClipper], StaticReflections]
+    legs: FreeLegs
 
 
 def trace_static_reflections(
@@ -130,40 +100,16 @@ def trace_static_reflections(
     static: StaticTrace,
     rtol: float,
     max_bounces: int,
+    setup: ReflectionSetup | None = None,
 ) -> StaticReflections | None:
     """Paths of two bounces, and of three with `max_bounces` 3, within the static scene; None without any. `rays` holds
-    static surfaces alone."""
-    view = np.asarray(radar.position)
-
-    def clipper(reflectors: Sequence[PlanarReflector | None], owner: IntArray, facets: Facets) -> FootprintClipper:
-        return FootprintClipper(rays, reflectors, owner, view, facets, radar.max_range)
-
-    def clipped(facets: Facets, footprints: ClippedFootprints, swapped: bool) -> ReflectedFacets:
-        return ReflectedFacets.clipped(facets, footprints.keys, footprints, swapped)
-
-    setup = ReflectionSetup(
-        static.facets, static.levels, clipper, ReflectedBand, merge_footprints, clipped, StaticReflections
-    )
-    return trace_reflections(setup, surfaces, radar, band, static, rtol, max_bounces)
-
-
-def trace_reflections(
-    setup: ReflectionSetup,
-    surfaces: Surfaces,
-    radar: Radar,
-    band: BandTracer,
-    static: StaticTrace,
-    rtol: float,
-    max_bounces: int,
-) -> StaticReflections | None:
-    """As :func:`trace_static_reflections`, with a `setup`."""
+    static surfaces alone. `setup` None traces legs through free space."""
+    setup = setup or ReflectionSetup(static.facets, static.levels, FreeLegs())
     view, facets = np.asarray(radar.position), setup.facets
     points = surfaces.static_vertices
     planar_parts = find_planar_parts(surfaces.static, points, [MIN_PLATE_WIDTH * radar.wavelength] * len(points))
     reflectors = [flat.at(points[flat.surface], view) for flat in planar_parts]
-    owner = np.full(sum(len(each.faces) for each in (*surfaces.static, *surfaces.moving)), -1, np.int32)
-    for number, flat in enumerate(planar_parts):
-        owner[flat.faces] = number
+    owner = face_owners(planar_parts, (*surfaces.static, *surfaces.moving))
     possible = [number for number, reflector in enumerate(reflectors) if reflector is not None]
     wide = wide_reflectors(planar_parts, reflectors, points, view, radar.wavelength, radar.max_range)
     if not possible or len(facets) == 0:
@@ -189,7 +135,7 @@ def trace_reflections(
         around = around.take(np.flatnonzero(owner[around.number] < 0))
         facets = Facets.joined([facets, around])
     every = np.arange(len(setup.facets), len(facets))
-    clipper = setup.clipper(reflectors, owner, facets)
+    clipper = setup.legs.clipper(rays, all_vertices(surfaces), reflectors, owner, view, facets, radar.max_range)
 
     @cache
     def unoccluded(mirror: int) -> NDArray[np.bool_]:
@@ -232,18 +178,20 @@ def trace_reflections(
         for one, other in np.argwhere(each.by_two > allowed).tolist():
             found = clip_facets(index, each.by_two[one, other], wide[one], wide[other])
             twice += [found] if one == other else [found, found.swapped()]
-    footprint_sets = setup.merge_footprints(once), setup.merge_footprints(twice)
+    footprint_sets = setup.legs.joined(once), setup.legs.joined(twice)
 
-    def weighted(facets: Facets, footprints: ClippedFootprints, swapped: bool) -> ReflectedFacets:
+    def weighted(footprints: ClippedFootprints, swapped: bool) -> ReflectedFacets:
         shares = mirror_weights(area, clipper.owner(footprints.facet), footprints.first, footprints.last)
-        return setup.clipped(facets, footprints, swapped).times(shares)
+        (found,) = setup.legs.over_time([facets], footprints.keys, [footprints], swapped)
+        return found.times(shares)
 
     def edge_error(footprint_sets: Sequence[ClippedFootprints], edges: EdgeDiffractionError) -> FloatArray:
         left = [(footprints, clipper.left(footprints)) for footprints in footprint_sets]
         return edges(planar_parts, reflectors, points, facets, owner[facets.number], area, left)
 
     return _integrate_reflections(
-        replace(setup, clipped=weighted),
+        setup,
+        weighted,
         facets,
         surfaces,
         radar,
@@ -254,6 +202,12 @@ def trace_reflections(
         footprint_sets,
         edge_error,
     )
+
+
+def all_vertices(surfaces: Surfaces) -> list[FloatArray]:
+    """(vertex, 3) of all surfaces [m]; moving ones are not in the static ray scene and get placeholders."""
+    moving = [np.zeros((int(each.faces.max()) + 1, 3)) for each in surfaces.moving]
+    return [*surfaces.static_vertices, *moving]
 
 
 class _CurvedSurface(NamedTuple):
@@ -268,12 +222,12 @@ class _CurvedSurface(NamedTuple):
     @property
     def by_one(self) -> FloatArray:
         """(mirror,) levels with one mirrored leg, both directions."""
-        return self.level * self.ghosts.alone[:, 0]
+        return self.level * self.ghosts.single[:, 0]
 
     @property
     def by_two(self) -> FloatArray:
         """(mirror, mirror) levels with two mirrored legs, by the same mirror on the diagonal."""
-        return self.level * (np.diag(self.ghosts.alone[:, 1]) + self.ghosts.across)
+        return self.level * (np.diag(self.ghosts.single[:, 1]) + self.ghosts.across)
 
 
 def _above(allowed: float, planar_parts: NDArray[np.intp], levels: FloatArray) -> list[tuple[int, float]]:
@@ -284,6 +238,7 @@ def _above(allowed: float, planar_parts: NDArray[np.intp], levels: FloatArray) -
 
 def _integrate_reflections(
     setup: ReflectionSetup,
+    weighted: Callable[[ClippedFootprints, bool], ReflectedFacets],
     facets: Facets,
     surfaces: Surfaces,
     radar: Radar,
@@ -296,10 +251,10 @@ def _integrate_reflections(
 ) -> StaticReflections | None:
     mirrors = tuple(reflector or next(each for each in reflectors if each is not None) for reflector in reflectors)
     names = surfaces.object_names, surfaces.part_names
-    returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, setup.band)
+    returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, setup.legs.band)
     reference_level, now = np.full(len(surfaces.static), static.level), np.zeros(1)
     footprint_sets, error = _cull_weak(
-        setup, facets, returns, clipper, footprint_sets, NEGLIGIBLE * rtol * static.level
+        weighted, facets, returns, clipper, footprint_sets, NEGLIGIBLE * rtol * static.level
     )
     paths, error, used = [], error / max(static.level, 1e-300), []
     # The static scene is one tolerance group.
@@ -311,7 +266,7 @@ def _integrate_reflections(
         footprints = footprint_sets[1] if all(way) else footprint_sets[0]
         if len(footprints.facet) == 0:
             continue
-        any_visible = setup.clipped(facets, footprints, way == (False, True))
+        any_visible = weighted(footprints, way == (False, True))
 
         def centroids(_: float, chosen: NDArray[np.intp]) -> FloatArray:
             return facets.centroids[chosen]
@@ -327,11 +282,11 @@ def _integrate_reflections(
         return None
     level = max(static.level, float(np.abs(total[0])), 1e-300)
     error = float(np.hypot(error, edge_error(footprint_sets, edges)[0] / level))
-    return setup.result_type(RadarPaths.concatenate(paths), error, clipper.sent, tuple(used), clipper)
+    return StaticReflections(RadarPaths.concatenate(paths), error, clipper.sent, tuple(used), clipper)
 
 
 def _cull_weak(
-    setup: ReflectionSetup,
+    weighted: Callable[[ClippedFootprints, bool], ReflectedFacets],
     facets: Facets,
     returns: ImageReturns,
     clipper: FootprintClipper,
@@ -347,10 +302,7 @@ def _cull_weak(
     ):
         if len(footprints.facet):
             # With one mirrored leg both directions count.
-            each = [
-                returns.estimate(way, 0.0, setup.clipped(facets, footprints, way == (False, True)), PROBES)
-                for way in ways
-            ]
+            each = [returns.estimate(way, 0.0, weighted(footprints, way == (False, True)), PROBES) for way in ways]
             waves.append(np.sum(each, axis=0))
             kinds.append(np.full(len(footprints.facet), number))
             own = facets.surface[footprints.facet], clipper.owner(footprints.facet)

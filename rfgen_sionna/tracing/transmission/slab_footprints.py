@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from functools import partial
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.ghosts.image_band import MirroredFacets
+from rfgen_sionna.tracing.ghosts.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.ghosts.mirrors import Mirror
 from rfgen_sionna.tracing.integral.facet import Nodes
 from rfgen_sionna.tracing.integral.slabs import (
@@ -30,12 +31,13 @@ from rfgen_sionna.tracing.reflectors.clipped_footprints import (
     ReflectedBand,
     ReflectedFacets,
     find_rows,
-    merge_footprints,
 )
-from rfgen_sionna.tracing.reflectors.footprint_clipper import FootprintClipper
+from rfgen_sionna.tracing.reflectors.footprint_clipper import MAX_IMAGES, FootprintClipper, FreeLegs
+from rfgen_sionna.tracing.reflectors.planar_reflectors import PlanarPart, PlanarReflector
 from rfgen_sionna.tracing.shadows.mirror_visibility import FINE_LATTICE, GUIDE_POINTS
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.transmission.slab_crossings import BLOCKED, MAX_SLABS, SlabTracer
+from rfgen_sionna.tracing.transmission.transmission import OMITTED_SHARE, Transmission
 
 LEGS = 4
 """From the one end to its plate, from there to the facet, and the same of the other end; what goes straight goes by the
@@ -54,15 +56,12 @@ class SlabFootprints(ClippedFootprints):
     across: FloatArray
     """(entry, leg, depth, 3) the slabs' normals, summed over the sample points."""
 
-    @staticmethod
-    def none() -> SlabFootprints:
-        plain = ClippedFootprints.none()
-        crossed = np.zeros((0, LEGS, MAX_SLABS), np.int64)
-        return SlabFootprints(
-            **_columns(plain, ClippedFootprints), crossed=crossed, across=np.zeros((*crossed.shape, 3))
-        )
+    @classmethod
+    def none(cls) -> Self:
+        plain, crossed = ClippedFootprints.none(), np.zeros((0, LEGS, MAX_SLABS), np.int64)
+        return cls(**_columns(plain, ClippedFootprints), crossed=crossed, across=np.zeros((*crossed.shape, 3)))
 
-    def swapped(self) -> SlabFootprints:
+    def swapped(self) -> Self:
         """The same with both ways changed over."""
         crossed, across = self.crossed[:, _REVERSED_LEGS], self.across[:, _REVERSED_LEGS]
         return replace(self, first=self.last, last=self.first, crossed=crossed, across=across)
@@ -72,24 +71,6 @@ class SlabFootprints(ClippedFootprints):
         """(entry, 3 + leg depth) facet, plates and slabs."""
         plain = np.stack([self.facet, self.first, self.last], axis=1).astype(np.int64)
         return np.concatenate([plain, self.crossed.reshape(len(plain), LEGS * MAX_SLABS)], axis=1)
-
-    def take(self, chosen: NDArray[np.bool_]) -> SlabFootprints:
-        """The entries that `chosen` marks."""
-        plain = _columns(super().take(chosen), ClippedFootprints)
-        return SlabFootprints(**plain, crossed=self.crossed[chosen], across=self.across[chosen])
-
-    @staticmethod
-    def joined(footprint_sets: Sequence[SlabFootprints]) -> SlabFootprints:
-        """All entries, in ascending order of their keys; no key may be there twice."""
-        footprint_sets = [each for each in footprint_sets if len(each.facet)]
-        if not footprint_sets:
-            return SlabFootprints.none()
-        order = np.lexsort(np.concatenate([each.keys for each in footprint_sets]).T[::-1])
-        return SlabFootprints(
-            **_columns(merge_footprints(footprint_sets), ClippedFootprints),
-            crossed=np.concatenate([each.crossed for each in footprint_sets])[order],
-            across=np.concatenate([each.across for each in footprint_sets])[order],
-        )
 
 
 @dataclass(frozen=True)
@@ -340,3 +321,60 @@ class SlabFootprintClipper(FootprintClipper):
         starts = np.full(len(lane), _SOURCE)
         crossings[lane, 1], normals[lane, 1] = self._slab_tracer(place, there, label, number[lane], starts)
         return crossings, normals
+
+
+class SlabLegs(FreeLegs):
+    """Reflected legs of which at least one goes through a slab: ghosts and corners behind a wall, a window, clothing.
+
+    Parameters
+    ----------
+    transmission
+        Slabs of the scene.
+    only
+        Numbers of the surfaces that transmit; None means all.
+    """
+
+    def __init__(self, transmission: Transmission, only: Sequence[int] | None = None) -> None:
+        self._transmission, self._amplitude = transmission, transmission.slab_amplitudes(only)
+
+    @property
+    def band(self) -> Callable[[Radar, float, Sequence[Mirror], bool, bool], ImageBand]:
+        return partial(SlabReflectedBand, self._transmission.table)
+
+    def clipper(
+        self,
+        rays: RayScene,
+        vertices: Sequence[FloatArray],
+        reflectors: Sequence[PlanarReflector | None],
+        owner: IntArray,
+        viewpoint: FloatArray,
+        facets: Facets,
+        max_range: float,
+    ) -> SlabFootprintClipper:
+        least = OMITTED_SHARE * self._transmission.rtol
+        # A ghost may cross a slab on one of its legs alone.
+        slab_tracer = SlabTracer(rays, vertices, self._transmission.surfaces, self._amplitude, least**2)
+        given = rays, reflectors, owner, viewpoint, facets, max_range
+        return SlabFootprintClipper(slab_tracer, self._amplitude, least, *given)
+
+    def directly_visible(self, facets: Facets, fraction: FloatArray) -> NDArray[np.bool_]:
+        return self._transmission.possibly_visible(facets, self._transmission.penetrable)
+
+    def joined(self, footprint_sets: Sequence[ClippedFootprints]) -> ClippedFootprints:
+        return SlabFootprints.merge(footprint_sets)
+
+    def over_time(
+        self,
+        facets: Sequence[Facets],
+        keys: NDArray[np.int64],
+        footprint_sets: Sequence[ClippedFootprints],
+        swapped: bool,
+    ) -> Sequence[ReflectedFacets]:
+        return SlabReflectedFacets.over_time(facets, keys, cast(Sequence[SlabFootprints], footprint_sets), swapped)
+
+    def imaging(
+        self, planar_parts: Sequence[PlanarPart], reflectors: Sequence[PlanarReflector | None], static: int
+    ) -> list[int]:
+        """The largest reflectors, walls among them."""
+        there = [number for number, reflector in enumerate(reflectors) if reflector is not None]
+        return sorted(there, key=lambda number: -planar_parts[number].area)[:MAX_IMAGES]

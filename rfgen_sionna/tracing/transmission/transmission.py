@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -38,7 +39,7 @@ from rfgen_sionna.tracing.shadows.return_bounds import max_returns
 from rfgen_sionna.tracing.shadows.visible_polygons import EDGE_INSET
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.quadratic_patch import QUARTERS, split_values
-from rfgen_sionna.tracing.surface.surfaces import Surface
+from rfgen_sionna.tracing.surface.surfaces import Surface, Surfaces
 from rfgen_sionna.tracing.transmission.slab_crossings import MAX_SLABS, SlabTracer, SlabVisibility
 
 _GUIDE_POINTS = inset_points(np.eye(3), EDGE_INSET)
@@ -167,39 +168,35 @@ class Transmission:
 
     def __init__(
         self,
-        every: Sequence[Surface],
+        surfaces: Surfaces,
         targets: tuple[Surface, ...],
-        names: tuple[tuple[str, ...], tuple[str, ...]],
         radar: Radar,
         rtol: float,
     ) -> None:
-        self._every, self._rtol, self._radar = tuple(every), rtol, radar
+        self.surfaces, self.rtol, self._radar = (*surfaces.static, *surfaces.moving), rtol, radar
         self._viewpoint = np.asarray(radar.position)
         highest = radar.center_frequency + 0.5 * radar.waveform.bandwidth
         self._wavenumber = 2 * np.pi * highest / SPEED_OF_LIGHT
         half_band = 0.5 * radar.waveform.bandwidth
-        self.table = table = SlabTable.of([each.material for each in every], radar.center_frequency, half_band)
+        self.table = table = SlabTable.of([each.material for each in self.surfaces], radar.center_frequency, half_band)
         self.through = np.max(
             [table.strength(radar.center_frequency + u * half_band) for u in (-1.0, 0.0, 1.0)], axis=0
         )
         """(surface,) amplitude that gets through each at most, at normal incidence."""
-
-        def band(radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> ImageBand:
-            return TransmissionBand(table, radar, rtol, mirrors, tx, rx)
-
-        self._returns = ImageReturns(targets, names, radar, rtol, lambda _: (), band)
+        names = surfaces.object_names, surfaces.part_names
+        self._returns = ImageReturns(targets, names, radar, rtol, lambda _: (), partial(TransmissionBand, table))
         self._own = np.array([self._number(each) for each in targets], np.intp)
 
     def _number(self, surface: Surface) -> int:
-        return next(number for number, each in enumerate(self._every) if each is surface)
+        return next(number for number, each in enumerate(self.surfaces) if each is surface)
 
     def any_transmission(self, only: Sequence[int] | None = None, *, one_way: bool = False) -> bool:
         """Whether there is anything to be seen through at all, there and back or `one_way`; among `only` these
         surfaces, None is all."""
         through = self.through if only is None else self.through[list(only)]
-        return bool((through ** (1 if one_way else 2) > OMITTED_SHARE * self._rtol).any())
+        return bool((through ** (1 if one_way else 2) > OMITTED_SHARE * self.rtol).any())
 
-    def _slab_amplitudes(self, only: Sequence[int] | None) -> FloatArray:
+    def slab_amplitudes(self, only: Sequence[int] | None) -> FloatArray:
         """(surface,) amplitude that gets through, if `only` these surfaces are gone through."""
         through = self.through.copy()
         if only is not None:
@@ -211,7 +208,7 @@ class Transmission:
     ) -> SlabTracer:
         """What sends rays through the slabs, or `only` through these surfaces, as long as enough is left, there and
         back; `vertices` are the (vertex, 3) positions [m] of all."""
-        return SlabTracer(rays, vertices, self._every, self._slab_amplitudes(only), OMITTED_SHARE * self._rtol)
+        return SlabTracer(rays, vertices, self.surfaces, self.slab_amplitudes(only), OMITTED_SHARE * self.rtol)
 
     def trace_visibility(
         self,
@@ -225,8 +222,8 @@ class Transmission:
 
         `vertices` are the (vertex, 3) positions [m] of all surfaces; `only` these surfaces are gone through.
         """
-        through = self._slab_amplitudes(only)
-        penetrable = through**2 > OMITTED_SHARE * self._rtol
+        through = self.slab_amplitudes(only)
+        penetrable = through**2 > OMITTED_SHARE * self.rtol
         near = np.linalg.norm(facets.centroids - self._viewpoint, axis=1) < self._radar.max_range
         index = np.flatnonzero(self.possibly_visible(facets, penetrable) & near & (fraction < 1))
         none = np.zeros((0, 1 + MAX_SLABS), np.int64), np.zeros(0), np.zeros((0, MAX_SLABS, 3, 3))
@@ -268,7 +265,7 @@ class Transmission:
         def sampler(some: NDArray[np.intp]) -> SlabVisibility:
             return SlabVisibility(slab_tracer, self._viewpoint, pieces[some], number[some], crossing[some])
 
-        clipped = clip_by_silhouettes(sampler, through_all[part] * cut, width, share[part], level, self._rtol)
+        clipped = clip_by_silhouettes(sampler, through_all[part] * cut, width, share[part], level, self.rtol)
         share[part] = clipped.share
         kept = np.flatnonzero(share)
         owner = np.searchsorted(kept, part[clipped.owner])
@@ -279,7 +276,7 @@ class Transmission:
     @property
     def penetrable(self) -> NDArray[np.bool_]:
         """(surface,) which can be seen through."""
-        return np.asarray(self.through**2 > OMITTED_SHARE * self._rtol)
+        return np.asarray(self.through**2 > OMITTED_SHARE * self.rtol)
 
     def possibly_visible(self, facets: Facets, penetrable: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(facet,) which may be seen the straight way: the back of a hollow thing through its front, if it is
