@@ -13,8 +13,7 @@ from rfgen_sionna.pir.fusion import MAX_GAIN_DB, Refinement, image, mix_paths, o
 from rfgen_sionna.pir.image_surroundings import ImageSurroundings
 from rfgen_sionna.records import Pir, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.report import TraceReport
-from rfgen_sionna.tracing.traced import Traced
+from rfgen_sionna.tracing.report import Traced, TraceReport
 from rfgen_sionna.tracing.tracer import Tracer
 
 if TYPE_CHECKING:

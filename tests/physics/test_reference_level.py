@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MeshActor
-from rfgen_sionna.tracing.moving.reference_level import best_visible_level, most_visible_times
+from rfgen_sionna.tracing.moving.facet_returns import best_visible_level, most_visible_times
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.physics.test_ghosts import channel as channels
 from tests.physics.test_temporal_refinement import channel, of, rms, traced_there

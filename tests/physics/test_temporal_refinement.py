@@ -12,7 +12,7 @@ from rfgen_sionna.tracing.moving import moving_trace as moving
 from rfgen_sionna.tracing.moving import sample_times as instants
 from rfgen_sionna.tracing.moving import temporal_refinement as glances
 from rfgen_sionna.tracing.moving.error_control import ErrorControl
-from rfgen_sionna.tracing.moving.interpolation_loss import leave_one_out, missed_energy
+from rfgen_sionna.tracing.moving.knots import leave_one_out, missed_energy
 from rfgen_sionna.tracing.moving.temporal_refinement import choose_refinement, fine_times
 from rfgen_sionna.tracing.tracer import PHASE_PER_RTOL, Tracer
 

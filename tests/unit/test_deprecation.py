@@ -23,6 +23,8 @@ def test_attributes_and_methods_of_former_names() -> None:
     with warns("TraceReport.between", "TraceReport.time_error") as caught:
         assert report.between == report.time_error == 0.25
     assert caught[0].filename == __file__
+    with warns("TraceReport.instants", "TraceReport.sample_times"):
+        assert report.instants == report.sample_times == 3
     with warns("Simulator.hidden", "Simulator.is_occluded"):
         assert Simulator.hidden is Simulator.is_occluded
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -88,3 +89,28 @@ class RefinedFacets(NamedTuple):
     found: RefinedGains
     paths: RadarPaths
     facets: NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class MovingTrace:
+    """The moving surfaces over a stretch of time."""
+
+    paths: RadarPaths
+    refined: RadarPaths | None
+    """Direct returns of facets that were looked at between instants, at their own knots; None where there are none."""
+    error: float
+    """Estimated relative error of the return of the worst of them; see
+    :mod:`rfgen_sionna.tracing.gains.error_estimate`."""
+    time_error: float
+    """Estimated relative error between knots of the direct return of the worst of them, for shadows that move on; see
+    :mod:`rfgen_sionna.tracing.moving.temporal_refinement`."""
+    facets: int
+    """Facets looked at."""
+    rays: int
+    places: Callable[[float], FloatArray]
+    """Time [s] to the (path, 3) middles [m] of the facets that the first paths, the direct returns, go by. It holds
+    until the next stretch is traced."""
+    refined_places: Callable[[float], FloatArray]
+    """The same of `refined`."""
+    sample_times: FloatArray
+    """(instant,) at which gains were traced [s]."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.diffuse import grain_of
@@ -16,9 +17,9 @@ from rfgen_sionna.tracing.gains.error_estimate import tolerance_factor
 from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
 from rfgen_sionna.tracing.moving.clusters import FacetClusters
 from rfgen_sionna.tracing.shadows.adaptive_sampling import shared_vertices
-from rfgen_sionna.tracing.surface.facets import Facets, stack_facets, with_patches
+from rfgen_sionna.tracing.surface.facets import RATE_STEP, Facets, facet_paths, over_time, stack_facets, with_patches
 from rfgen_sionna.tracing.surface.resolution import needs_finer_facets
-from rfgen_sionna.tracing.surface.surfaces import Surface
+from rfgen_sionna.tracing.surface.surfaces import Surfaces
 from rfgen_sionna.tracing.surface.tessellate import Tessellation, tessellate
 
 RANGE_MARGIN = 1.1
@@ -38,7 +39,7 @@ class MovingFacets:
 
     def __init__(
         self,
-        surfaces: tuple[Surface, ...],
+        surfaces: Surfaces,
         band: BandTracer,
         viewpoint: FloatArray,
         max_range: float,
@@ -46,7 +47,7 @@ class MovingFacets:
         ghosts: Ghosts | None,
         on_new_facets: FacetCallback,
     ) -> None:
-        self.surfaces = surfaces
+        self.surfaces, self._names = surfaces.moving, (surfaces.object_names, surfaces.part_names)
         self._band, self._viewpoint, self._max_range, self._rtol = band, viewpoint, max_range, rtol
         self._ghosts, self._on_new_facets = ghosts, on_new_facets
         self.pieces: list[Tessellation] = []
@@ -55,8 +56,8 @@ class MovingFacets:
         self.clusters = FacetClusters(band, viewpoint, rtol)
         self._parts: list[IntArray] = []
         self._turns: list[FloatArray] | None = None  # (face,) of each surface; None where all are flat
-        self._resolution = np.ones(len(surfaces))
-        self._distance = np.zeros(len(surfaces))
+        self._resolution = np.ones(len(surfaces.moving))
+        self._distance = np.zeros(len(surfaces.moving))
 
     def follow(self, positions: Positions, knots: FloatArray) -> bool:
         """Make new facets where an actor has come nearer by a fifth or gone twice as far, where its range decides what
@@ -115,10 +116,7 @@ class MovingFacets:
         return stack_facets(self.surfaces, *given)
 
     def with_patches(
-        self,
-        facets: Sequence[Facets],
-        vertices: Sequence[Sequence[FloatArray]],
-        chosen: NDArray[np.intp] | None = None,
+        self, facets: Sequence[Facets], vertices: Sequence[Sequence[FloatArray]], chosen: NDArray[np.intp] | None = None
     ) -> list[Facets]:
         """Those, bent as the surfaces are; others than those that `chosen` counts out may be left flat."""
         return with_patches(facets, self.surfaces, self.pieces, vertices, chosen)
@@ -138,6 +136,41 @@ class MovingFacets:
         """(selected, 3, 3) [m], likewise."""
         found = [piece.corners(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, selected)]
         return np.concatenate([np.zeros((0, 3, 3)), *found])
+
+    def paths(
+        self,
+        knots: FloatArray,
+        sample_times: FloatArray,
+        positions: Positions,
+        facets: Facets,
+        gains: ComplexArray,
+        heads: NDArray[np.intp],
+        known: Mapping[float, FloatArray],
+    ) -> RadarPaths:
+        """Paths by way of `facets`, which `heads` counts out of all, with `gains` (order, tx, rx, facet, instant); the
+        centroids (facet, 3) [m] of all facets are `known` at some times."""
+        direction = np.empty((len(heads), len(knots), 3))
+        column = {float(t): k for k, t in enumerate(knots)}
+
+        def centroids(t: float) -> FloatArray:
+            return np.take(known[t], heads, axis=0) if t in known else self.centroids(positions(t), heads)
+
+        def delays(t: float) -> FloatArray:
+            there = centroids(t)
+            if t in column:
+                offset = there - self._viewpoint
+                direction[:, column[t]] = offset / np.maximum(lengths(offset), 1e-12)[:, None]
+            return self._band.delays(there)
+
+        def rates(t: float) -> FloatArray:
+            before, after = positions(t - RATE_STEP), positions(t + RATE_STEP)
+            velocities = [(b - a) / (2 * RATE_STEP) for a, b in zip(before, after, strict=True)]
+            return self._band.rates(centroids(t), self.centroids(velocities, heads))
+
+        curves = over_time(knots, sample_times, gains, delays, rates)
+        return facet_paths(
+            self.surfaces, facets, knots, *curves, direction, self._band.centre, self._band.half_band, self._names
+        )
 
     def _own(
         self, vertices: Sequence[FloatArray], selected: NDArray[np.intp]

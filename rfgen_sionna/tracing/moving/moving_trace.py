@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.records import RadarPaths
-from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer, Expansion
 from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.moving.culling import LEAST_RTOL
 from rfgen_sionna.tracing.moving.error_control import ErrorControl
-from rfgen_sionna.tracing.moving.facet_returns import FacetReturns
+from rfgen_sionna.tracing.moving.facet_returns import FacetReturns, best_visible_level
 from rfgen_sionna.tracing.moving.indirect_paths import IndirectPaths, IndirectVisibility
-from rfgen_sionna.tracing.moving.interval import IntervalVisibility, RefinedFacets, ReturnedFacets, TraceInterval
+from rfgen_sionna.tracing.moving.interval import (
+    IntervalVisibility,
+    MovingTrace,
+    RefinedFacets,
+    ReturnedFacets,
+    TraceInterval,
+)
 from rfgen_sionna.tracing.moving.knots import SplinedPositions
 from rfgen_sionna.tracing.moving.moving_facets import MovingFacets, Positions
 from rfgen_sionna.tracing.moving.moving_visibility import MovingVisibility
 from rfgen_sionna.tracing.moving.per_element_visibility import PerElementSampler
-from rfgen_sionna.tracing.moving.reference_level import best_visible_level
 from rfgen_sionna.tracing.moving.temporal_refinement import (
     BETWEEN_PER_RTOL,
     TemporalRefinement,
@@ -33,7 +37,7 @@ from rfgen_sionna.tracing.moving.temporal_refinement import (
 from rfgen_sionna.tracing.moving.visible_facets import VisibleFacets
 from rfgen_sionna.tracing.shadows.silhouettes import SilhouetteRays
 from rfgen_sionna.tracing.shadows.terminator import near_terminator
-from rfgen_sionna.tracing.surface.facets import RATE_STEP, Facets, facet_paths, over_time
+from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
 
 MEASURED_EVERY = 5
@@ -43,31 +47,6 @@ PAIR, UNSTEADY = 2, 4
 """The fewest instants of a stretch, and in how many stretches no pair is tried after one in which shadows moved."""
 TYPICAL_CANCELLATION = 1.5
 """What people's facets return without interfering, over what they return: 0.5 to 3, mostly less than this."""
-
-
-@dataclass(frozen=True)
-class MovingTrace:
-    """The moving surfaces over a stretch of time."""
-
-    paths: RadarPaths
-    refined: RadarPaths | None
-    """Direct returns of facets that were looked at between instants, at their own knots; None where there are none."""
-    error: float
-    """Estimated relative error of the return of the worst of them; see
-    :mod:`rfgen_sionna.tracing.gains.error_estimate`."""
-    time_error: float
-    """Estimated relative error between knots of the direct return of the worst of them, for shadows that move on; see
-    :mod:`rfgen_sionna.tracing.moving.temporal_refinement`."""
-    facets: int
-    """Facets looked at."""
-    rays: int
-    places: Callable[[float], FloatArray]
-    """Time [s] to the (path, 3) middles [m] of the facets that the first paths, the direct returns, go by. It holds
-    until the next stretch is traced."""
-    refined_places: Callable[[float], FloatArray]
-    """The same of `refined`."""
-    sample_times: FloatArray
-    """(instant,) at which gains were traced [s]."""
 
 
 class MovingTracer:
@@ -99,7 +78,7 @@ class MovingTracer:
         self._temporal_refinement = TemporalRefinement(
             band, self._moving_visibility, self._returns, viewpoint, max_range, rtol, self._tolerance_group
         )
-        given = surfaces.moving, band, viewpoint, max_range, rtol, indirect.ghosts
+        given = surfaces, band, viewpoint, max_range, rtol, indirect.ghosts
         self._facets = MovingFacets(*given, self._moving_visibility.use_silhouette_search)
         self._error_control = ErrorControl(
             surfaces,
@@ -344,7 +323,7 @@ class MovingTracer:
         )  # fmt: skip
         # As many knots as delays ask for, the times among them.
         often = fine_times(found.times, -(-(len(interval.knots) - 1) // (len(found.times) - 1)))
-        paths = self._paths(often, found.times, placed, found.facets, found.coefficients, followed, {})
+        paths = self._facets.paths(often, found.times, placed, found.facets, found.coefficients, followed, {})
         rest = np.setdiff1d(np.arange(len(own.selected)), chosen.facets, assume_unique=True)
         return own.take(rest), RefinedFacets(found, paths, followed), found.error
 
@@ -373,7 +352,7 @@ class MovingTracer:
             t: each.facets.centroids
             for t, each in zip(visibility.sample_times.tolist(), visibility.visible, strict=True)
         }
-        return self._paths(
+        return self._facets.paths(
             interval.knots, visibility.sample_times, interval.positions, head_facets, coefficients, heads, known
         ), heads
 
@@ -459,48 +438,6 @@ class MovingTracer:
             return visible
         given = interval.positions(t), visible, places, own, self._error_control.cancellation, every.pairs, level
         return visible.with_per_element(every.visibility(interval.rays_between(t), *given), own)
-
-    def _paths(
-        self,
-        knots: FloatArray,
-        sample_times: FloatArray,
-        positions: Positions,
-        facets: Facets,
-        gains: NDArray[np.complex128],
-        heads: NDArray[np.intp],
-        known: Mapping[float, FloatArray],
-    ) -> RadarPaths:
-        """Paths by way of `facets`, which `heads` counts out of all, with `gains` (order, tx, rx, facet, instant); the
-        centroids (facet, 3) [m] of all facets are `known` at some times."""
-        direction = np.empty((len(heads), len(knots), 3))
-        column = {float(t): k for k, t in enumerate(knots)}
-
-        def centroids(t: float) -> FloatArray:
-            return np.take(known[t], heads, axis=0) if t in known else self._facets.centroids(positions(t), heads)
-
-        def delays(t: float) -> FloatArray:
-            there = centroids(t)
-            if t in column:
-                offset = there - self._viewpoint
-                direction[:, column[t]] = offset / np.maximum(lengths(offset), 1e-12)[:, None]
-            return self._band.delays(there)
-
-        def rates(t: float) -> FloatArray:
-            before, after = positions(t - RATE_STEP), positions(t + RATE_STEP)
-            velocities = [(b - a) / (2 * RATE_STEP) for a, b in zip(before, after, strict=True)]
-            return self._band.rates(centroids(t), self._facets.centroids(velocities, heads))
-
-        curves = over_time(knots, sample_times, gains, delays, rates)
-        return facet_paths(
-            self._surfaces.moving,
-            facets,
-            knots,
-            *curves,
-            direction,
-            self._band.centre,
-            self._band.half_band,
-            (self._surfaces.object_names, self._surfaces.part_names),
-        )
 
 
 def _with_middle(sample_times: FloatArray) -> FloatArray:

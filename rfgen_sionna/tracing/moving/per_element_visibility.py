@@ -82,13 +82,7 @@ class PerElementSampler:
     """
 
     def __init__(
-        self,
-        surfaces: Surfaces,
-        tx: FloatArray,
-        rx: FloatArray,
-        viewpoint: FloatArray,
-        wavenumber: float,
-        rtol: float,
+        self, surfaces: Surfaces, tx: FloatArray, rx: FloatArray, viewpoint: FloatArray, wavenumber: float, rtol: float
     ) -> None:
         self._surfaces = surfaces
         self._silhouettes, self._tolerance_group = (

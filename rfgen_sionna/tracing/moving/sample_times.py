@@ -137,12 +137,7 @@ class _RepresentativeFaces:
     """Faces of a mesh that tell for all of it, with its `vertices` (vertex, 3) [m] at evenly spaced times."""
 
     def __init__(
-        self,
-        vertices: Sequence[FloatArray],
-        faces: IntArray,
-        closed: bool,
-        viewpoint: FloatArray,
-        frequency: float,
+        self, vertices: Sequence[FloatArray], faces: IntArray, closed: bool, viewpoint: FloatArray, frequency: float
     ) -> None:
         wavenumber, size, strength = 4 * np.pi * frequency / SPEED_OF_LIGHT, np.zeros(len(faces)), np.zeros(len(faces))
         # What glints or shows itself at one end alone counts as well; of very many faces others do then.

@@ -28,7 +28,9 @@ from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.expansion import Expansion
 from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.moving.facet_returns import AT_ONCE, FacetReturns, SampledReturns
-from rfgen_sionna.tracing.moving.interpolation_loss import (
+from rfgen_sionna.tracing.moving.knots import (
+    QUIET_GAPS,
+    SplinedPositions,
     has_shadow_edge,
     interpolation_loss,
     largest_energy,
@@ -36,7 +38,6 @@ from rfgen_sionna.tracing.moving.interpolation_loss import (
     missed_energy,
     rms,
 )
-from rfgen_sionna.tracing.moving.knots import QUIET_GAPS, SplinedPositions
 from rfgen_sionna.tracing.moving.moving_visibility import MovingVisibility
 from rfgen_sionna.tracing.moving.slab_transmission import interpolate_transmission
 from rfgen_sionna.tracing.moving.visible_facets import VisibleFacets
