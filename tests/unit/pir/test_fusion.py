@@ -373,5 +373,5 @@ def test_what_an_actor_hides_of_an_image_is_told_by_three_times(radar):
     alone = tracer.trace(0.0, 0.025)
     watched = list[float]()
     before_it = tracer.trace(0.0, 0.025, watch=lambda t, rays: watched.append(t))
-    assert alone.report.instants == 2
-    assert before_it.report.instants == len(watched) == 3
+    assert alone.report.sample_times == 2
+    assert before_it.report.sample_times == len(watched) == 3
