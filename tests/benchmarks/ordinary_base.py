@@ -24,12 +24,13 @@ from diffusers.models.attention_processor import AttnProcessor
 from scipy.ndimage import gaussian_filter
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.environment.environment_model import BASE_FILE, EnvironmentModel, read_model, write_model
+from rfgen_sionna.generative.environment.environment_model import BASE_FILE, EnvironmentModel, read_model
 from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from training.commands import progress_bar
 from training.environment.fits import fit_autoencoder
 from training.environment.image_training import diffuse, weighted_velocity_loss
 from training.learning import Run, precision
+from training.model_files import write_environment_model
 
 _EDGE = 64
 _SMALLEST, _LARGEST = 2.0, 40.0
@@ -104,7 +105,7 @@ def main(
 
     def keep(step: int, hours: float) -> None:
         facts = {**asdict(recipe), "steps": step, "hours": hours, "pictures of": "dead leaves"}
-        write_model(out / BASE_FILE, EnvironmentModel(run.mean, vae, own.text, own.codec, own.shape, facts))
+        write_environment_model(out / BASE_FILE, EnvironmentModel(run.mean, vae, own.text, own.codec, own.shape, facts))
 
     with progress_bar() as bar:
         task = bar.add_task("pictures", total=steps, note="")

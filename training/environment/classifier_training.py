@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from torch.nn.functional import cross_entropy
 
 from rfgen_sionna.generative.environment.classifier import (
-    AT_ONE_METRE,
     SPREAD_DB,
     WIDTHS,
     ClassifierNet,
@@ -30,6 +29,8 @@ _STEPS = 1200
 _JITTER_DB = 2.5
 """By how much levels of whole images are changed at random in training: a place a little brighter than usual is none
 that lacks something."""
+_LEVEL_CHANNEL = 4
+"""Channel of the level at 1 m in :func:`classifier_inputs`."""
 
 
 @reports_out_of_memory
@@ -68,7 +69,7 @@ def train_classifier(
             louder = torch.from_numpy(rng.uniform(-jitter_db, jitter_db, items)).float()[:, None, None]
             there = shown[index][:, 2] > -2 / 3
             x[:, 0] += there * louder * (2.0 / (codec.energy_db[1] - codec.energy_db[0]))
-            x[:, AT_ONE_METRE] += there * louder / SPREAD_DB
+            x[:, _LEVEL_CHANNEL] += there * louder / SPREAD_DB
         with precision():
             _, logits = net(x)
         return cross_entropy(logits.float(), torch.from_numpy(classes[index]), label_smoothing=0.05)

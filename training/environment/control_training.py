@@ -19,11 +19,11 @@ from rfgen_sionna.generative.environment.environment_model import (
     condition_of,
     new_control,
     weights_fingerprint,
-    write_control,
 )
 from rfgen_sionna.generative.environment.view_unet import make_scheduler
 from training.environment.image_training import draw_batch, weighted_velocity_loss
 from training.learning import Progress, Run, precision, reports_out_of_memory
+from training.model_files import write_control
 
 if TYPE_CHECKING:
     from diffusers import ControlNetModel

@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from rfgen_sionna.generative.environment.environment_model import read_control, read_model, write_control
+from rfgen_sionna.generative.environment.environment_model import read_control, read_model
 from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 from rfgen_sionna.generative.environment.torch_device import pick_device
 from training.commands import plainly, progress_bar
@@ -24,6 +24,7 @@ from training.environment.path_evaluation import calibrated
 from training.environment.pir_data import PirData
 from training.environment.train import Device
 from training.environment.view_corpus import read_corpus
+from training.model_files import write_control
 
 _JUDGED = 64
 """Pairs of the validation split."""

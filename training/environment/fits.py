@@ -7,10 +7,12 @@ from functools import lru_cache
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.conditional_prior import PURE, TERMS, ConditionalPrior, shares_of, terms
+from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from rfgen_sionna.generative.environment.reprojection import PATCH
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.scene.furnished import furnished
@@ -21,6 +23,8 @@ _VIEWS = 2500
 """Training views that it is fitted to."""
 _RIDGE = 30.0
 """Pixels' worth of doubt."""
+_ENOUGH = 20
+"""Pixels of a kind from which its brightness is measured."""
 _UNFINISHED = 1.0
 """Views' worth of doubt whether the finish matters."""
 
@@ -87,7 +91,7 @@ def fit_conditional_prior(
     sums, counts = np.zeros((2, kinds, latents)), np.zeros((2, kinds))
     for i in some:
         layout_map, image = corpus.layout_maps[i].astype(np.float32), corpus.images[i].astype(np.float32)
-        bright = flat.brightness_offsets(image, layout_map, corpus.views[i], codec)
+        bright = brightness_offsets(flat, image, layout_map, corpus.views[i], codec)
         layout = None if corpus.layouts is None else int(corpus.layouts[i])
         made_of = {} if layout is None else _finishes_of(corpus.names[corpus.places[i]], layout)
         moments[:, flat.rows(made_of, corpus.things), every] += [bright != 0, bright, bright**2]
@@ -118,3 +122,26 @@ def _moments(sums: FloatArray) -> FloatArray:
     sums = sums + _UNFINISHED * np.stack([np.ones_like(many), sums[1, 0] / many, sums[2, 0] / many])[:, None]
     mean = sums[1] / sums[0]
     return np.stack([mean, np.sqrt(np.maximum(sums[2] / sums[0] - mean**2, 0.0))])
+
+
+def brightness_offsets(
+    prior: ConditionalPrior,
+    image: NDArray[np.floating],
+    layout_map: NDArray[np.floating],
+    facts: ViewFacts,
+    codec: PirCodec,
+) -> FloatArray:
+    """(kind,) brightness of each kind in an image over that of its plane; 0 for kinds of few pixels.
+
+    Args:
+        prior: planes of all kinds.
+        image: (3, row, column) channels.
+        layout_map: (CHANNELS, row, column).
+        facts: the view.
+        codec: convention of the channels.
+    """
+    plain = prior.image(layout_map, facts, codec, np.zeros(len(prior.planes)))
+    kind, there = layout_map[-1].astype(np.intp).ravel(), (image[2] > -2 / 3).ravel()
+    count = np.bincount(kind[there], minlength=len(prior.planes))
+    total = np.bincount(kind[there], (image[0] - plain[0]).ravel()[there], minlength=len(prior.planes))
+    return np.where(count >= _ENOUGH, total / np.maximum(count, 1), 0.0)

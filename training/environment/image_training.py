@@ -14,14 +14,15 @@ from torch import Tensor
 from rfgen_sionna.generative.environment.adapters import fingerprint
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.conditional_prior import ConditionalPrior
-from rfgen_sionna.generative.environment.environment_model import BASE_FILE, EnvironmentModel, UNetShape, write_model
+from rfgen_sionna.generative.environment.environment_model import BASE_FILE, EnvironmentModel, UNetShape
 from rfgen_sionna.generative.environment.layout_map import NO_LAYOUT_MAP
 from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
 from rfgen_sionna.generative.environment.view_unet import KINDS, make_scheduler, signal_and_noise
 from rfgen_sionna.pir.codec import PirCodec
-from training.environment.fits import fit_conditional_prior
+from training.environment.fits import brightness_offsets, fit_conditional_prior
 from training.environment.view_corpus import ViewCorpus
 from training.learning import Progress, Run, precision, reports_out_of_memory
+from training.model_files import write_environment_model
 
 WITHOUT_FILE = "without-later.safetensors"
 """The model before it was shown its recipe's later place."""
@@ -146,9 +147,9 @@ def train(
         before = {} if start is None else {"start": start.facts}
         facts = {**asdict(recipe), **before, "steps": step, "hours": hours, "views": len(corpus)}
         model = EnvironmentModel(run.mean, vae, text, codec, shape, facts, conditional_prior=conditional_prior)
-        write_model(out / BASE_FILE, model)
+        write_environment_model(out / BASE_FILE, model)
         if recipe.later and step <= recipe.later_from:
-            write_model(out / WITHOUT_FILE, model)
+            write_environment_model(out / WITHOUT_FILE, model)
 
     for step in run.steps(save_every, keep, progress):
         rng = np.random.default_rng([recipe.seed, 17, step])
@@ -183,7 +184,7 @@ def prior_latents(
             )
             images = [corpus.image(i, mirror) for i in some]
             bright = [
-                conditional_prior.brightness_offsets(image, layout_map, view, codec)
+                brightness_offsets(conditional_prior, image, layout_map, view, codec)
                 for image, layout_map, view in zip(images, layout_maps, views, strict=True)
             ]
             found = conditional_prior.of(layout_maps, views, bright, vae, codec)

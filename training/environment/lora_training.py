@@ -11,11 +11,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraFacts, save_lora
+from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraFacts
 from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from training.environment.lora_bases import Base, target_of
 from training.environment.view_corpus import ViewCorpus
 from training.learning import Loop, Progress, precision, reports_out_of_memory
+from training.model_files import save_lora
 
 ATTENTION = ("to_q", "to_k", "to_v", "to_out.0")
 CONVOLUTIONS = ("conv1", "conv2", "conv_in", "conv_out")

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rfgen_sionna.generative.environment.requested_objects import NAMES, OUTDOORS, article
+from rfgen_sionna.generative.environment.requested_objects import NAMES, OUTDOORS
 
 USUAL: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -63,6 +63,8 @@ _INSIDE = ("the inside of", "furnished")
 BACKGROUND = ("floor", "ceiling", "ground", "wall", "skirting board", "pavement", "kerb", "person")
 """What every such place has: no caption names it."""
 
+_PLURAL = ("tyres",)
+
 
 def named(objects: Sequence[str]) -> list[str]:
     """The kinds that a caption may name, in the order given, each once."""
@@ -113,3 +115,10 @@ def caption(place: str, objects: Sequence[str], rng: np.random.Generator, people
 def absent(place: str, kinds: Sequence[str]) -> list[str]:
     """What such a place usually holds and this one, with its `kinds`, does not."""
     return [thing for thing in USUAL[place] if thing not in kinds]
+
+
+def article(noun: str) -> str:
+    """The noun with "a" or "an"; plurals stay."""
+    if noun in _PLURAL:
+        return noun
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"

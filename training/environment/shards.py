@@ -17,16 +17,17 @@ from numpy.typing import NDArray
 from rfgen_sionna.generative.environment.layout_map import render_layout_map
 from rfgen_sionna.generative.environment.primitives import PrimitiveScene
 from rfgen_sionna.generative.environment.viewpoints import (
+    MAX_ATTEMPTS,
     PlaceRenderer,
     Viewpoint,
     ViewpointRanges,
     choose_viewpoint,
-    place_person,
 )
 from rfgen_sionna.pir.projection import check_fov
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
+from rfgen_sionna.scene.furnished.layout import Ground
 from rfgen_sionna.scene.mesh_actor import MeshActor
 from training.environment.pir_data import (
     CONDITIONS,
@@ -47,6 +48,8 @@ PER_SHARD = 16
 LAYOUTS = 1_000_000
 """Seeds of the layouts of one data set: those of another seed don't overlap."""
 BODIES = ("a person standing", "a tall man walking", "a woman doing jumping jacks", "a person raising the left arm")
+PERSON_WIDTH = 0.9
+"""Edge of the floor area of a person [m]."""
 MISSING = (0.15, 0.5)
 """Share of the furniture that an incomplete render lacks."""
 
@@ -281,3 +284,19 @@ def _complete(command: str) -> dict[str, Any]:
     said: dict[str, Any] = json.loads(command)
     usual: dict[str, Any] = json.loads(Settings().command())
     return {**usual, **said, "ranges": {**usual["ranges"], **said.get("ranges", {})}}
+
+
+def place_person(renderer: PlaceRenderer, viewpoint: Viewpoint, rng: np.random.Generator) -> tuple[float, float] | None:
+    """A free spot on the floor in view of the radar (x, y) [m], or None."""
+    layout = renderer.scene.layout
+    for _ in range(MAX_ATTEMPTS):
+        distance = rng.uniform(1.3, 5.0)
+        angle = viewpoint.yaw + np.radians(viewpoint.fov_deg) * rng.uniform(-0.35, 0.35)
+        x, y = viewpoint.position[0] + distance * np.cos(angle), viewpoint.position[1] + distance * np.sin(angle)
+        spot = Ground(x, y, PERSON_WIDTH, PERSON_WIDTH, 0.0, 0.05, 2.0)
+        if not layout.clear(spot):
+            continue
+        head = np.array([[x, y, 1.3], [x, y, 0.6]])
+        if not renderer.rays.occluded(viewpoint.position, head).any():
+            return float(x), float(y)
+    return None

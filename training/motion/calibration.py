@@ -14,7 +14,7 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.diffusion.features import FRAME_RATE, recentred
 from rfgen_sionna.generative.diffusion.motion_sampling import MotionRequest, MotionSampler, conditions_of
-from rfgen_sionna.generative.diffusion.network import BANDS, DIRECTIONS, Residual
+from rfgen_sionna.generative.diffusion.network import BANDS, Residual
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.diffusion.schedule import log_snr, signal_shares, step_at
 from training.motion.motion_captions import caption
@@ -26,6 +26,9 @@ _FRAMES = 120
 _SIGMAS = 3.0
 _FASTEST = 2.5
 """[Hz]."""
+
+DIRECTIONS = 40
+"""Principal directions of the error that are regressed."""
 
 
 def calibrate(

@@ -9,11 +9,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, write_model
+from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.diffusion.network import Conditions, DenoisingNet, NetworkShape
 from rfgen_sionna.generative.diffusion.schedule import STEPS, log_snr, signal_shares
 from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder, tokenise
 from training.learning import Progress, Run, precision
+from training.model_files import write_motion_model
 from training.motion.batches import BatchSampler, MotionBatch
 from training.motion.calibration import calibrate
 from training.motion.joint_loss import geometric_loss
@@ -83,7 +84,7 @@ def train(
         model = assembled(run.mean, text, corpus, {"steps": step, "hours": hours, "seed": recipe.seed})
         if step == recipe.steps:
             model = calibrate(replace(model, net=run.mean.eval()), corpus, seed=recipe.seed)
-        write_model(out / "motion.safetensors", model)
+        write_motion_model(out / "motion.safetensors", model)
 
     for step in run.steps(save_every, keep, progress):
         generator = torch.Generator().manual_seed(recipe.seed * 1_000_003 + step)

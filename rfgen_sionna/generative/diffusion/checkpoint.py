@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from safetensors import safe_open
-from safetensors.torch import save_file
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import HandBasis
@@ -18,7 +16,7 @@ from rfgen_sionna.generative.diffusion.network import DenoisingNet, NetworkShape
 from rfgen_sionna.generative.diffusion.rhythm import Beat
 from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder
 
-_FORMAT = "rfgen-motion-1"
+FORMAT = "rfgen-motion-1"
 
 
 @dataclass(frozen=True)
@@ -41,34 +39,6 @@ class MotionModel:
     """Action -> what the network misses of it; empty where that wasn't measured."""
 
 
-def write_model(path: Path, model: MotionModel) -> None:
-    """Write a model, whole or not at all; weights in half precision."""
-    tensors = {f"net.{k}": v.to(torch.float16) for k, v in model.net.state_dict().items()}
-    tensors |= {f"text.{k}": v.to(torch.float16) for k, v in model.text.state_dict().items()}
-    for name, values in {
-        "features.mean": model.mean,
-        "features.scale": model.scale,
-        "hands.mean": model.hands.mean,
-        "hands.components": model.hands.components,
-    }.items():
-        tensors[name] = torch.from_numpy(np.ascontiguousarray(values)).float()
-    for action, residual in model.residuals.items():
-        tensors[f"residual.{action}.directions"] = torch.from_numpy(residual.directions.copy()).half()
-        tensors[f"residual.{action}.gains"] = torch.from_numpy(residual.gains.copy()).half()
-    header = {
-        "format": _FORMAT,
-        "shape": model.net.shape.to_dict(),
-        "actions": model.text.actions,
-        "beats": {name: asdict(beat) for name, beat in model.beats.items()},
-        "levels": {name: residual.levels.tolist() for name, residual in model.residuals.items()},
-        "stems": sorted(model.stems),
-        "facts": model.facts,
-    }
-    partial = path.with_suffix(".part")
-    save_file({k: v.contiguous() for k, v in tensors.items()}, partial, {"rfgen": json.dumps(header)})
-    partial.replace(path)
-
-
 def read_model(path: Path) -> MotionModel:
     """Read a model, ready for sampling.
 
@@ -80,8 +50,8 @@ def read_model(path: Path) -> MotionModel:
         raise FileNotFoundError(f"no motion model at {path}")
     with safe_open(path, "pt") as file:
         header = json.loads((file.metadata() or {}).get("rfgen", "{}"))
-        if header.get("format") != _FORMAT:
-            raise ValueError(f"{path.name}: format {header.get('format')!r}; this version reads {_FORMAT!r}")
+        if header.get("format") != FORMAT:
+            raise ValueError(f"{path.name}: format {header.get('format')!r}; this version reads {FORMAT!r}")
         tensors = {key: file.get_tensor(key).float() for key in file.keys()}  # noqa: SIM118
     shape = header["shape"]
     net = DenoisingNet(NetworkShape(tuple(shape.pop("channels")), **shape)).eval()

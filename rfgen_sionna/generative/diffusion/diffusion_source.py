@@ -15,8 +15,6 @@ from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
 from rfgen_sionna.generative.diffusion.constraints import (
     MotionConstraint,
     constrained_rows,
-    leg_length,
-    resampled_features,
 )
 from rfgen_sionna.generative.diffusion.drafts import (
     canonical_sentence,
@@ -25,7 +23,7 @@ from rfgen_sionna.generative.diffusion.drafts import (
     make_draft,
     sample_pace,
 )
-from rfgen_sionna.generative.diffusion.features import FRAME_RATE, PARTS, arms_of, recentred, replace_parts
+from rfgen_sionna.generative.diffusion.features import FRAME_RATE, PARTS, arms_of, replace_parts
 from rfgen_sionna.generative.diffusion.inpainting import LATEST, drafts_around_constraints, move_back
 from rfgen_sionna.generative.diffusion.motion_sampling import (
     LONGEST,
@@ -40,7 +38,6 @@ from rfgen_sionna.generative.diffusion.network import SOURCES
 from rfgen_sionna.generative.diffusion.path_following import (
     LONGER,
     check_path,
-    follow_other_motion,
     follow_path,
     path_pace,
 )
@@ -50,7 +47,6 @@ from rfgen_sionna.generative.diffusion.root_placement import (
     centre_on_origin,
     limit_speed,
     limit_turn_rate,
-    move_to_start,
 )
 from rfgen_sionna.generative.diffusion.understanding import Understanding, ambiguous_actions, known_reading, understand
 from rfgen_sionna.generative.diffusion.wording import LOWER, UPPER
@@ -281,54 +277,6 @@ class DiffusionSource:
                     motion = both_hands(motion, hand, still=not said.arms)
                 out.append(replace(motion, prompt=prompt, seed=request.seed, action=request.action))
             return out
-
-    def redo(
-        self,
-        draft: Motion,
-        prompt: str,
-        *,
-        strength: float = 0.95,
-        seed: int = 0,
-        negative: str = "",
-        skeleton: Skeleton | None = None,
-    ) -> Motion:
-        """A draft noised part of the way and made anew: action, rhythm, orientation and path, scaled
-        with the legs, stay; the rest varies.
-
-        Args:
-            draft: any motion with the body's joints, at most 8 s.
-            prompt: what it shows.
-            strength: noise level from which it is made anew; under 0.85 hardly anything changes, 1 keeps the way alone.
-            seed: of the variation.
-            negative: what it must not be.
-            skeleton: of the person; None for a mean adult.
-
-        Raises:
-            ValueError: a draft that is too long or too short, or a strength out of range.
-        """
-        _check_seed(seed)
-        rows = resampled_features(draft, self.model.hands)
-        if not SHORTEST <= len(rows) <= LONGEST + 1:
-            low, high = SHORTEST / FRAME_RATE, LONGEST / FRAME_RATE
-            raise ValueError(f"draft: {draft.duration:.2f} s long; allowed are {low:g} to {high:g} s")
-        n = min(len(rows), LONGEST)
-        start = recentred(rows)
-        with threads_for(1):
-            said = self._settled(self._meaning(prompt, None, "", False), seed, negative, drawn=False)
-            request = self._request(said, seed, negative, n, 1.0, False, drafted=False)
-            request = replace(request, draft=start[:n])
-            request = replace(request, beat=draft_beat(self.model, request, start[:n]))
-            made = replace(self.sampler, strength=strength)(self.model, [request], n)[0]
-        made = move_to_start(made, rows)
-        bend = partial(
-            follow_other_motion, other=draft, scale=(skeleton or MEAN_ADULT).leg_length() / leg_length(draft)
-        )
-        return replace(
-            to_motion(made, self.model.hands, skeleton, self.frame_rate, bend=bend),
-            prompt=prompt,
-            seed=seed,
-            action=draft.action or said.action,
-        )
 
     def _meaning(self, prompt: str, action: str | None, arms: str, bent: bool) -> Understanding:
         """The reading of a prompt, of which the action may be known, or that it is bent along a path."""

@@ -172,8 +172,6 @@ def _waves(log_snr: Tensor) -> Tensor:
     return torch.cat([angle.cos(), angle.sin()], dim=-1)
 
 
-DIRECTIONS = 40
-"""Principal directions that are kept."""
 BANDS = 48
 """Frequencies from 0 to half the frame rate."""
 

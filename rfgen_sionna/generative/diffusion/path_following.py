@@ -84,23 +84,6 @@ def follow_path(motion: Motion, points: FloatArray, duration: float, *, timed: b
     return _taken(motion, own, at, turn)
 
 
-def follow_other_motion(motion: Motion, other: Motion, scale: float = 1.0) -> Motion:
-    """The motion where the other one is at every time, facing where that does; steps and sway stay its own.
-
-    Args:
-        motion: what is moved.
-        other: whose way it is.
-        scale: how much longer that way is to be, for other legs.
-    """
-    other = resample_motion(replace(other, translation=scale * other.translation), motion.frame_rate)
-    count = min(len(motion.translation), len(other.translation))
-    motion, other = (_first(each, count) for each in (motion, other))
-    width = _OWN * motion.frame_rate
-    turn = _smooth((_facing(other) - _facing(motion))[:, None], width)[:, 0]
-    turn -= 2.0 * np.pi * np.round(np.median(turn) / (2.0 * np.pi))
-    return _taken(motion, _own_way(motion), _own_way(other), turn)
-
-
 def _taken(motion: Motion, own: FloatArray, at: FloatArray, turn: FloatArray) -> Motion:
     """The motion with its (frame, 2) `own` way [m] put at another, turned by (frame,) `turn` [rad] about it."""
     cos, sin = np.cos(turn), np.sin(turn)
@@ -117,13 +100,6 @@ def _first(motion: Motion, count: int) -> Motion:
     return replace(
         motion, rotations=motion.rotations[:count], translation=motion.translation[:count], contacts=contacts
     )
-
-
-def _facing(motion: Motion) -> FloatArray:
-    """(frame,) turn of the pelvis about the vertical [rad], unwrapped: the twist of its rotation, which somebody who
-    falls keeps where the direction that he faces would turn over."""
-    _, _, z, w = continuous(motion.rotations[:, 0]).T
-    return 2.0 * np.unwrap(np.arctan2(z, w))
 
 
 def _length(points: FloatArray) -> float:

@@ -31,11 +31,6 @@ def log_snr(shares: FloatArray) -> FloatArray:
     return np.log(shares / (1.0 - shares))
 
 
-def time_of(step: int) -> float:
-    """Place t (0 .. 1) of a step on the unbent cosine."""
-    return float(1.0 - (1.0 - (step + 1.0) / STEPS) ** 2)
-
-
 def step_at(t: float) -> int:
     """The step whose noise is that of time `t` (0 .. 1) on the unbent cosine."""
     return int(np.clip(round((1.0 - np.sqrt(max(1.0 - t, 0.0))) * STEPS) - 1, 0, STEPS - 1))

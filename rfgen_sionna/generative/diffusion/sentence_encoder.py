@@ -111,8 +111,3 @@ class TextEncoder(SentenceEncoder):
         self.arms = nn.Linear(WIDTH, len(actions) + 1)
         self.hand = nn.Linear(WIDTH, len(HANDS))
         self.pace = nn.Linear(WIDTH, len(PACES))
-
-    @torch.no_grad()
-    def likely_actions(self, texts: list[str]) -> np.ndarray:
-        """(text, action) probabilities."""
-        return self.action(self(tokenise(texts)).pooled).softmax(dim=-1).cpu().numpy()

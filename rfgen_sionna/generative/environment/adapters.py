@@ -11,7 +11,7 @@ from typing import Any
 
 import torch
 from safetensors import safe_open
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 from torch import Tensor, nn
 
 FORMAT = "rfgen-lora-1"
@@ -38,15 +38,6 @@ class LoraFacts:
     """Word that prompts begin with; empty where there is none."""
     weights: str = ""
     """Fingerprint of the base's U-Net; empty where it isn't known."""
-
-
-def save_lora(path: Path, state: dict[str, Tensor], facts: LoraFacts) -> None:
-    """Write a LoRA in half precision, as diffusers reads it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    header = {"format": FORMAT, **facts.__dict__}
-    partial = path.with_suffix(".part")
-    save_file({k: v.half() for k, v in state.items()}, partial, {"rfgen": json.dumps(header)})
-    partial.replace(path)
 
 
 def find_lora(source: str | Path) -> Path:

@@ -27,8 +27,6 @@ WIDTHS = (32, 48, 96, 128)
 """Channels of its four stages."""
 LEVEL_DB, SPREAD_DB = -135.0, 15.0
 """Middle and spread [dB] of levels at 1 m ..."""
-AT_ONE_METRE = 4
-"""... and where they are among the numbers of a pixel."""
 
 
 def classifier_inputs(images: NDArray[np.floating], views: Sequence[ViewFacts], codec: PirCodec) -> Tensor:

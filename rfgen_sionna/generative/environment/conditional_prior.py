@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 TERMS = 8
 """Of the plane: 1, ranges of brick and shell, cosine and its square, levels by range of both, whether there is a
 shell."""
-_ENOUGH = 20
-"""Pixels of a kind that tell how bright it is."""
 PURE = 0.99
 """Share of a patch from which it counts as of one kind."""
 _LEAST_RANGE = 0.3
@@ -74,16 +72,6 @@ class ConditionalPrior:
         channels = np.einsum("rct,rctk->krc", terms(layout_map.astype(np.float64), facts, codec), self.planes[kind])
         channels[0] += bright[kind]
         return channels.clip(-1.0, 1.0).astype(np.float32)
-
-    def brightness_offsets(
-        self, image: NDArray[np.floating], layout_map: NDArray[np.floating], facts: ViewFacts, codec: PirCodec
-    ) -> FloatArray:
-        """(kind,) how much brighter each kind is in an image than was to be expected; 0 of such as hardly show."""
-        plain = self.image(layout_map, facts, codec, np.zeros(len(self.planes)))
-        kind, there = layout_map[-1].astype(np.intp).ravel(), (image[2] > -2 / 3).ravel()
-        count = np.bincount(kind[there], minlength=len(self.planes))
-        total = np.bincount(kind[there], (image[0] - plain[0]).ravel()[there], minlength=len(self.planes))
-        return np.where(count >= _ENOUGH, total / np.maximum(count, 1), 0.0)
 
     def rows(self, made_of: Mapping[str, str], things: Sequence[str]) -> NDArray[np.intp]:
         """(kind,) which row of `brighter` each kind is in, by the names of the first kinds, `things`, and what each is

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from copy import deepcopy
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,24 +13,17 @@ import numpy as np
 import torch
 from diffusers import ControlNetModel, UNet2DConditionModel
 from safetensors import safe_open
-from safetensors.torch import save_file
 
 from rfgen_sionna.generative.diffusion.sentence_encoder import WIDTH
 from rfgen_sionna.generative.environment.adapters import fingerprint
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.conditional_prior import ConditionalPrior
 from rfgen_sionna.generative.environment.edge_smoothing import EdgePreservingSmoothing
-from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder, ViewFacts
-from rfgen_sionna.generative.environment.prompt_encoder import HORIZONTAL_VIEW, PromptEncoder, PromptTokenizer
-from rfgen_sionna.generative.environment.view_unet import ViewUNet, make_scheduler
+from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
+from rfgen_sionna.generative.environment.view_unet import ViewUNet
 from rfgen_sionna.pir.codec import PirCodec
 
 if TYPE_CHECKING:
-    from diffusers import (
-        StableDiffusionControlNetPipeline,
-        StableDiffusionImg2ImgPipeline,
-        StableDiffusionPipeline,
-    )
     from torch import Tensor
 
     from rfgen_sionna.generative.environment.confidence_gate import ConfidenceGate
@@ -38,7 +31,7 @@ if TYPE_CHECKING:
 FORMAT = "rfgen-environment-3"
 CONTROL_FORMAT = "rfgen-environment-control-3"
 BASE_FILE, CONTROL_FILE = "environment.safetensors", "control.safetensors"
-_GATE_PREFIX = "doubt."
+GATE_PREFIX = "doubt."
 LATENT_SIZE = 16
 
 
@@ -94,44 +87,6 @@ class EnvironmentModel:
     confidence_gate: ConfidenceGate | None = None
     """How far its gains hold; None without a ControlNet."""
 
-    def parts(self, view: ViewFacts = HORIZONTAL_VIEW) -> dict[str, Any]:
-        """What diffusers' pipelines take; prompts are meant for `view`."""
-        return {
-            "vae": self.vae,
-            "text_encoder": PromptEncoder(self.text, view),
-            "tokenizer": PromptTokenizer(),
-            "unet": self.unet,
-            "scheduler": make_scheduler(),
-            "safety_checker": None,
-            "feature_extractor": None,
-            "requires_safety_checker": False,
-        }
-
-    def text_to_image(self, view: ViewFacts = HORIZONTAL_VIEW) -> StableDiffusionPipeline:
-        """diffusers' text-to-image pipeline on this model, from words alone; prompts are meant for `view`, or come as
-        `prompt_embeds` of :meth:`PlaceEncoder.embed` with views of their own."""
-        from diffusers import StableDiffusionPipeline
-
-        return _quiet(StableDiffusionPipeline(**self.parts(view)))
-
-    def image_to_image(self, view: ViewFacts = HORIZONTAL_VIEW) -> StableDiffusionImg2ImgPipeline:
-        """diffusers' image-to-image pipeline on this model."""
-        from diffusers import StableDiffusionImg2ImgPipeline
-
-        return _quiet(StableDiffusionImg2ImgPipeline(**self.parts(view)))
-
-    def controlled(self, view: ViewFacts = HORIZONTAL_VIEW) -> StableDiffusionControlNetPipeline:
-        """diffusers' ControlNet pipeline on this model.
-
-        Raises:
-            ModelFileError: it has no ControlNet.
-        """
-        if self.control is None:
-            raise ModelFileError("control: the model has no ControlNet; train one with training.environment.controlnet")
-        from diffusers import StableDiffusionControlNetPipeline
-
-        return _quiet(StableDiffusionControlNetPipeline(**self.parts(view), controlnet=self.control))
-
     def to(self, device: str | torch.device, dtype: torch.dtype) -> EnvironmentModel:
         """Moved there, in place; `dtype` is that of the networks."""
         for part in (self.unet, self.control):
@@ -147,26 +102,6 @@ def new_control(unet: UNet2DConditionModel) -> ControlNetModel:
     return ControlNetModel.from_unet(unet, conditioning_embedding_out_channels=(16, 32, 96), conditioning_channels=3)
 
 
-def write_model(path: Path, model: EnvironmentModel) -> None:
-    """Write a model without its ControlNet, whole or not at all; weights in half precision."""
-    tensors = {f"unet.{k}": v for k, v in model.unet.state_dict().items()}
-    tensors |= {f"text.{k}": v for k, v in model.text.state_dict().items()}
-    header = {
-        "format": FORMAT,
-        "shape": asdict(model.shape),
-        "codec": asdict(model.codec),
-        "places": model.text.places,
-        "things": model.text.things,
-        "facts": model.facts,
-        "polish": asdict(model.edge_smoothing),
-        "finishes": model.conditional_prior.finishes if model.conditional_prior is not None else (),
-    }
-    exact = {f"vae.{k}": v.float() for k, v in model.vae.state_dict().items()}
-    if model.conditional_prior is not None:
-        exact |= {f"expectation.{k}": torch.from_numpy(v).float() for k, v in model.conditional_prior.tables.items()}
-    _write(path, {k: v.half() for k, v in tensors.items()} | exact, header)
-
-
 class Control(NamedTuple):
     """A ControlNet's file."""
 
@@ -175,18 +110,6 @@ class Control(NamedTuple):
     """Seed, steps, hours, data."""
     confidence_gate: ConfidenceGate
     """How far its gains hold."""
-
-
-def write_control(
-    path: Path, control: ControlNetModel, facts: dict[str, Any], confidence_gate: ConfidenceGate | None = None
-) -> None:
-    """Write a ControlNet, whole or not at all, in half precision."""
-    from rfgen_sionna.generative.environment.confidence_gate import ConfidenceGate
-
-    confidence_gate = confidence_gate or ConfidenceGate()
-    tensors = control.state_dict() | {_GATE_PREFIX + k: v for k, v in confidence_gate.tensors().items()}
-    header = {"format": CONTROL_FORMAT, "facts": facts, "share": confidence_gate.share}
-    _write(path, {k: v.half() for k, v in tensors.items()}, header)
 
 
 def read_model(path: Path | None = None, control: Path | bool | None = None) -> EnvironmentModel:
@@ -254,7 +177,7 @@ def read_control(path: Path, unet: UNet2DConditionModel, *, any_base: bool = Fal
     header, tensors = _read(path, CONTROL_FORMAT, "a ControlNet (training.environment.controlnet makes one)")
     control = new_control(unet)
     try:
-        control.load_state_dict({k: v for k, v in tensors.items() if not k.startswith(_GATE_PREFIX)})
+        control.load_state_dict({k: v for k, v in tensors.items() if not k.startswith(GATE_PREFIX)})
     except RuntimeError as error:
         raise ModelFileError(
             f"control: {path.name} was trained on another base model; take the one beside it"
@@ -265,19 +188,12 @@ def read_control(path: Path, unet: UNet2DConditionModel, *, any_base: bool = Fal
             f"control: {path.name} was trained on another base model: of the same shape, with other weights; take the "
             "one beside its base, or train one for this base with training.environment.controlnet"
         )
-    gate_tensors = {k.removeprefix(_GATE_PREFIX): v for k, v in tensors.items() if k.startswith(_GATE_PREFIX)}
+    gate_tensors = {k.removeprefix(GATE_PREFIX): v for k, v in tensors.items() if k.startswith(GATE_PREFIX)}
     return Control(control.eval().requires_grad_(False), facts, ConfidenceGate.of(header["share"], gate_tensors))
 
 
 def _tuples(fields: dict[str, Any]) -> dict[str, Any]:
     return {k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()}
-
-
-def _write(path: Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".part")
-    save_file({k: v.detach().cpu().contiguous() for k, v in tensors.items()}, partial, {"rfgen": json.dumps(header)})
-    partial.replace(path)
 
 
 def _read(path: Path, kind: str, what: str) -> tuple[dict[str, Any], dict[str, Tensor]]:
@@ -295,11 +211,6 @@ def _read(path: Path, kind: str, what: str) -> tuple[dict[str, Any], dict[str, T
     if found != kind:
         raise ModelFileError(f"model: {path.name} has format {found!r}; expected {what}")
     return header, tensors
-
-
-def _quiet(pipeline: Any) -> Any:
-    pipeline.set_progress_bar_config(disable=True)
-    return pipeline
 
 
 def condition_of(channels: np.ndarray) -> Tensor:

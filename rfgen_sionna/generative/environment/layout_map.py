@@ -120,13 +120,6 @@ def encode_layout_map(
     return np.stack([one, two, cosine, *np.moveaxis(np.asarray(place), -1, 0), kind], axis=-3).astype(np.float32)
 
 
-def empty_layout_maps(count: int, rows: int, columns: int) -> NDArray[np.float32]:
-    """(count, CHANNELS, row, column) of images without one."""
-    out = np.zeros((count, CHANNELS, rows, columns), np.float32)
-    out[:, -1] = NO_LAYOUT_MAP
-    return out
-
-
 def mirrored(layout_map: NDArray[np.float32]) -> NDArray[np.float32]:
     """Of the images (…, CHANNELS, row, column) whose columns are swapped."""
     out = np.array(layout_map[..., ::-1])

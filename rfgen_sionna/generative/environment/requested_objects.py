@@ -34,14 +34,6 @@ NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """What each place is called; the first is its name."""
 
 OUTDOORS = ("street", "playground", "open field")
-_PLURAL = ("tyres",)
-
-
-def article(noun: str) -> str:
-    """The noun with "a" or "an"; plurals stay."""
-    if noun in _PLURAL:
-        return noun
-    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
 _PLAIN = frozenset(

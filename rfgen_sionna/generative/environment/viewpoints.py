@@ -18,7 +18,6 @@ from rfgen_sionna.pir.view import View
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import FurnishedScene
-from rfgen_sionna.scene.furnished.layout import Ground
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.tracer import Tracer
 
@@ -30,8 +29,6 @@ NEAREST = 0.35
 MEDIAN_DISTANCE = 0.9
 """Half of what is in view is further away [m]."""
 MAX_ATTEMPTS = 80
-PERSON_WIDTH = 0.9
-"""Edge of the floor that a person is given [m]."""
 FACET_WAVELENGTHS = 4.0
 """Patches of the coherent returns [wavelengths at 3 m]: flat surfaces need no finer ones."""
 
@@ -178,19 +175,3 @@ def _yaw_to_furniture(renderer: PlaceRenderer, rng: np.random.Generator, x: floa
         item = items[int(rng.choice(len(items), p=near / near.sum()))]
         target = item.x, item.y
     return float(np.arctan2(target[1] - y, target[0] - x) + np.radians(rng.normal(0.0, 12.0)))
-
-
-def place_person(renderer: PlaceRenderer, viewpoint: Viewpoint, rng: np.random.Generator) -> tuple[float, float] | None:
-    """A free spot on the floor in view of the radar (x, y) [m], or None."""
-    layout = renderer.scene.layout
-    for _ in range(MAX_ATTEMPTS):
-        distance = rng.uniform(1.3, 5.0)
-        angle = viewpoint.yaw + np.radians(viewpoint.fov_deg) * rng.uniform(-0.35, 0.35)
-        x, y = viewpoint.position[0] + distance * np.cos(angle), viewpoint.position[1] + distance * np.sin(angle)
-        spot = Ground(x, y, PERSON_WIDTH, PERSON_WIDTH, 0.0, 0.05, 2.0)
-        if not layout.clear(spot):
-            continue
-        head = np.array([[x, y, 1.3], [x, y, 0.6]])
-        if not renderer.rays.occluded(viewpoint.position, head).any():
-            return float(x), float(y)
-    return None

@@ -91,19 +91,6 @@ def joint_angles(rotations: FloatArray) -> dict[str, FloatArray]:
     return {name: np.stack(columns, axis=-1) for name, columns in out.items()}
 
 
-def violations(rotations: FloatArray, tolerance: float = 0.5) -> dict[str, float]:
-    """Angles that leave their range, with the largest excess [degrees]; arguments as for :func:`joint_angles`.
-
-    Args:
-        tolerance: excess that is passed over [degrees].
-    """
-    excess = {
-        name: float(np.max(np.maximum(values - LIMITS[name].high, LIMITS[name].low - values)))
-        for name, values in joint_angles(rotations).items()
-    }
-    return {name: value for name, value in excess.items() if value > tolerance}
-
-
 def _leg(out: _Columns, relative: Callable[[str, str], FloatArray], side: str, s: int) -> None:
     hip = relative("pelvis", f"{side}_hip")
     thigh = -hip[..., 2]

@@ -23,6 +23,7 @@ from training.environment.control_training import ControlRecipe, diffuse_towards
 from training.environment.image_training import ImageRecipe, train
 from training.environment.place_text import train_text
 from training.environment.view_corpus import ViewCorpus
+from training.model_files import write_environment_model
 
 
 def test_the_sentence_encoder_learns_what_is_named(corpus: ViewCorpus) -> None:
@@ -110,9 +111,8 @@ def test_training_begins_with_what_a_trained_model_knows(
 
 
 def _written(model: EnvironmentModel, folder: Path) -> Path:
-    from rfgen_sionna.generative.environment.environment_model import write_model
 
-    write_model(folder / BASE_FILE, model)
+    write_environment_model(folder / BASE_FILE, model)
     return folder
 
 

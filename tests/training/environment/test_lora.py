@@ -12,12 +12,13 @@ import torch
 
 from rfgen_sionna.generative.environment.adapters import WEIGHT_NAME, LoraError, find_lora, read_facts
 from rfgen_sionna.generative.environment.environment_diffusion import EnvironmentDiffusion
-from rfgen_sionna.generative.environment.environment_model import BASE_FILE, CONTROL_FILE, UNetShape, write_model
+from rfgen_sionna.generative.environment.environment_model import BASE_FILE, CONTROL_FILE, UNetShape
 from rfgen_sionna.generative.environment.image_models import load_embedded
 from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 from training.environment.lora_bases import EmbeddedBase, StableDiffusionBase
 from training.environment.lora_training import LoraRecipe, _spread_steps, choose_rate, train_lora
 from training.environment.view_corpus import ViewCorpus
+from training.model_files import write_environment_model
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning", "ignore::DeprecationWarning")
 SHORT = LoraRecipe(frames=8, steps=3, items=4)
@@ -101,7 +102,7 @@ def test_training_goes_on_where_it_was_stopped(corpus: ViewCorpus, model_folder:
 
 def test_a_lora_of_another_base_is_refused(lora: Path, model: Any, corpus: ViewCorpus, tmp_path: Path) -> None:
     shape = UNetShape(channels=(16, 32, 32), latents=32, heads=2)
-    write_model(tmp_path / BASE_FILE, replace(model, unet=shape.unet(), shape=shape))
+    write_environment_model(tmp_path / BASE_FILE, replace(model, unet=shape.unet(), shape=shape))
     with pytest.raises(LoraError, match=r"another base.*own base"):
         EnvironmentDiffusion(tmp_path, lora)
 
@@ -111,7 +112,7 @@ def test_a_lora_of_other_weights_is_refused(lora: Path, model: Any, tmp_path: Pa
     import torch
 
     torch.manual_seed(5)
-    write_model(tmp_path / BASE_FILE, replace(model, unet=model.shape.unet()))
+    write_environment_model(tmp_path / BASE_FILE, replace(model, unet=model.shape.unet()))
     with pytest.raises(LoraError, match=r"weights of 'model\d*' were others.*own base"):
         EnvironmentDiffusion(tmp_path, lora)
 
@@ -163,7 +164,7 @@ def test_training_does_not_go_on_with_another_base(
     torch.manual_seed(5)
     other = tmp_path / model_folder.name
     other.mkdir()
-    write_model(other / BASE_FILE, replace(model, unet=model.shape.unet()))
+    write_environment_model(other / BASE_FILE, replace(model, unet=model.shape.unet()))
     with pytest.raises(ValueError, match="use another folder"):
         train_lora(EmbeddedBase(other, "cpu"), corpus, tmp_path / "out", recipe, 1e-3)
 

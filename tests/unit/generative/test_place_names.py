@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from rfgen_sionna.generative.environment.requested_objects import NAMES, article
+from rfgen_sionna.generative.environment.requested_objects import NAMES
 from rfgen_sionna.generative.prompts import PromptError, parse_environment, parse_prompt
+from training.environment.place_captions import article
 
 NAMED = [(name, place) for place, names in NAMES.items() for name in names]
 

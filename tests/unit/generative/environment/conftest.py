@@ -97,15 +97,11 @@ def model(corpus: ViewCorpus) -> Any:
 @pytest.fixture(scope="session")
 def model_folder(model: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its files."""
-    from rfgen_sionna.generative.environment.environment_model import (
-        BASE_FILE,
-        CONTROL_FILE,
-        write_control,
-        write_model,
-    )
+    from rfgen_sionna.generative.environment.environment_model import BASE_FILE, CONTROL_FILE
+    from training.model_files import write_control, write_environment_model
 
     folder = tmp_path_factory.mktemp("model")
-    write_model(folder / BASE_FILE, model)
+    write_environment_model(folder / BASE_FILE, model)
     write_control(folder / CONTROL_FILE, model.control, {})
     return folder
 

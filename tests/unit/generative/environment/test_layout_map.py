@@ -16,7 +16,7 @@ from rfgen_sionna.generative.environment.conditional_prior import LatentPrior
 from rfgen_sionna.generative.environment.environment_model import EnvironmentModel, ModelFileError, read_model
 from rfgen_sionna.generative.environment.image_generation import ImageRequest, generate_images, with_layout_maps
 from rfgen_sionna.generative.environment.image_sampling import Conditioning, ImageSampler, noise_like, sample_images
-from rfgen_sionna.generative.environment.layout_map import CHANNELS, empty_layout_maps, mirrored, render_layout_map
+from rfgen_sionna.generative.environment.layout_map import CHANNELS, NO_LAYOUT_MAP, mirrored, render_layout_map
 from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from rfgen_sionna.generative.environment.primitives import Primitives, PrimitiveScene, fit_primitives
 from rfgen_sionna.generative.environment.room_selection import FIRST_SEED, PlaceRequest, choose_room
@@ -29,7 +29,7 @@ from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.furnished.finishes import FINISHES
 from rfgen_sionna.scene.furnished.piece import corners, legs
 from rfgen_sionna.scene.furnished.shapes import block, joined, leaves, tube
-from training.environment.fits import fit_conditional_prior
+from training.environment.fits import brightness_offsets, fit_conditional_prior
 from training.environment.pir_data import PLACES, PirData
 from training.environment.render import render
 from training.environment.shards import LAYOUTS as LAYOUTS_OF_A_SET
@@ -200,7 +200,7 @@ def test_what_is_expected_of_a_wall_is_a_wall(reader: EnvironmentModel) -> None:
     assert found.mean.shape == found.spread.shape == (1, 32, 16, 16)
     assert float(found.spread.median()) < 0.3
     with pytest.raises(ValueError, match="has none"):
-        reader.conditional_prior.of(empty_layout_maps(1, 64, 64), [facts], [plain], reader.vae, CODEC)
+        reader.conditional_prior.of(np.full((1, CHANNELS, 64, 64), NO_LAYOUT_MAP), [facts], [plain], reader.vae, CODEC)
 
 
 def test_how_bright_a_thing_is_comes_from_its_finish_and_the_seed(reader: EnvironmentModel, corpus: ViewCorpus) -> None:
@@ -220,7 +220,7 @@ def test_how_bright_a_thing_is_comes_from_its_finish_and_the_seed(reader: Enviro
     bright = np.zeros(KINDS)
     bright[1] = 0.2
     image = learnt.image(layout_map[0], facts, CODEC, bright)
-    found = learnt.brightness_offsets(image, layout_map[0], facts, CODEC)
+    found = brightness_offsets(learnt, image, layout_map[0], facts, CODEC)
     assert found[1] == pytest.approx(0.2, abs=0.02)
     assert np.abs(np.delete(found, 1)).max() < 0.02
 

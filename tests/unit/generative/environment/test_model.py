@@ -27,6 +27,7 @@ from rfgen_sionna.generative.environment.torch_device import DeviceMemoryError
 from rfgen_sionna.generative.environment.view_unet import make_scheduler
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
+from training.environment.diffusers_pipelines import controlled, image_to_image, text_to_image
 from training.environment.fits import fit_autoencoder
 from training.environment.view_corpus import ViewCorpus
 
@@ -73,14 +74,14 @@ def test_patches_are_kept_but_for_the_components_left_out(corpus: ViewCorpus) ->
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
 def test_diffusers_own_pipelines_draw_what_we_draw(model: EnvironmentModel, corpus: ViewCorpus) -> None:
     noise = noise_like(1, model, 5)
-    picture = model.text_to_image()(**settings(model), latents=noise, height=64, width=64).images
+    picture = text_to_image(model)(**settings(model), latents=noise, height=64, width=64).images
     assert np.abs(channels(picture) - ours(model)).max() < 1e-4
     condition = condition_of(corpus.images[:1])
-    picture = model.controlled()(**settings(model), latents=noise, image=condition).images
+    picture = controlled(model)(**settings(model), latents=noise, image=condition).images
     drawn = ours(model, Conditioning(control=condition))
     assert np.abs(channels(picture) - drawn).max() < 1e-4
     assert np.abs(drawn - ours(model)).max() > 1e-3, "the ControlNet has a say"
-    picture = model.image_to_image()(**settings(model), image=condition, strength=0.7).images
+    picture = image_to_image(model)(**settings(model), image=condition, strength=0.7).images
     assert picture.shape == (1, 64, 64, 3)
 
 
@@ -90,13 +91,13 @@ def test_diffusers_own_pipelines_take_words(model: EnvironmentModel, corpus: Vie
     noise = noise_like(2, model, 5)
     asked: dict[str, Any] = {"num_inference_steps": 2, "guidance_scale": 1.5, "output_type": "np", "latents": noise}
     prompts, negative = ["a lab with a stool", "a street"], ["a sink", ""]
-    said = model.text_to_image(VIEW)(prompts, negative_prompt=negative, **asked).images
+    said = text_to_image(model, VIEW)(prompts, negative_prompt=negative, **asked).images
     told = {"prompt_embeds": prompts, "negative_prompt_embeds": negative}
     embedded = {name: model.text.embed(texts, [VIEW] * 2) for name, texts in told.items()}
-    np.testing.assert_array_equal(said, model.text_to_image()(**embedded, **asked).images)
-    assert np.abs(said - model.text_to_image()(prompts, negative_prompt=negative, **asked).images).max() > 1e-4
+    np.testing.assert_array_equal(said, text_to_image(model)(**embedded, **asked).images)
+    assert np.abs(said - text_to_image(model)(prompts, negative_prompt=negative, **asked).images).max() > 1e-4
     asked = {"image": condition_of(corpus.images[:1]), "num_inference_steps": 2, "output_type": "np"}
-    for pipeline in (model.controlled(VIEW), model.image_to_image(VIEW)):
+    for pipeline in (controlled(model, VIEW), image_to_image(model, VIEW)):
         assert pipeline("a lab", **asked).images.shape == (1, 64, 64, 3)
 
 

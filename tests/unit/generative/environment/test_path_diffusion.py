@@ -15,7 +15,6 @@ from rfgen_sionna.generative.environment.environment_model import (
     CONTROL_FILE,
     EnvironmentModel,
     read_control,
-    write_control,
 )
 from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 from rfgen_sionna.pir.codec import PirCodec
@@ -24,6 +23,7 @@ from rfgen_sionna.records import Pir
 from training.environment.classifier_training import train_confidence_gate
 from training.environment.path_evaluation import pir_of
 from training.environment.view_corpus import ViewCorpus
+from training.model_files import write_control
 
 VIEW = View((64, 64), (60.0, 60.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 pytestmark = pytest.mark.filterwarnings("ignore::rfgen_sionna.generative.environment.image_models.UnknownPlaceWarning")

@@ -24,14 +24,14 @@ from rfgen_sionna.generative.environment.image_models import (
 from rfgen_sionna.generative.environment.path_diffusion import PathDiffusion
 from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
 from rfgen_sionna.generative.environment.primitives import PrimitiveScene
-from rfgen_sionna.generative.environment.requested_objects import NAMES, article, check_words, is_empty, read_objects
+from rfgen_sionna.generative.environment.requested_objects import NAMES, check_words, is_empty, read_objects
 from rfgen_sionna.generative.environment.room_selection import PlaceRequest, choose_room
 from rfgen_sionna.generative.furniture import LOOSE, OTHER_NAMES, SEVERAL
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
 from training.environment.pir_data import PLACES
-from training.environment.place_captions import USUAL, caption
+from training.environment.place_captions import USUAL, article, caption
 
 AHEAD = View((32, 32), (90.0, 90.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 NOUNS = sorted({noun for nouns in USUAL.values() for noun in nouns})
