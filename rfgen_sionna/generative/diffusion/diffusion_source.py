@@ -12,10 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
-from rfgen_sionna.generative.diffusion.constraints import (
-    MotionConstraint,
-    constrained_rows,
-)
+from rfgen_sionna.generative.diffusion.constraints import MotionConstraint, constrained_rows
 from rfgen_sionna.generative.diffusion.drafts import (
     canonical_sentence,
     choose_hand,
@@ -35,19 +32,10 @@ from rfgen_sionna.generative.diffusion.motion_sampling import (
     threads_for,
 )
 from rfgen_sionna.generative.diffusion.network import SOURCES
-from rfgen_sionna.generative.diffusion.path_following import (
-    LONGER,
-    check_path,
-    follow_path,
-    path_pace,
-)
+from rfgen_sionna.generative.diffusion.path_following import LONGER, check_path, follow_path, path_pace
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, doing
 from rfgen_sionna.generative.diffusion.postprocessing import RATE, to_motion
-from rfgen_sionna.generative.diffusion.root_placement import (
-    centre_on_origin,
-    limit_speed,
-    limit_turn_rate,
-)
+from rfgen_sionna.generative.diffusion.root_placement import centre_on_origin, limit_speed, limit_turn_rate
 from rfgen_sionna.generative.diffusion.understanding import Understanding, ambiguous_actions, known_reading, understand
 from rfgen_sionna.generative.diffusion.wording import LOWER, UPPER
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, Skeleton

@@ -84,11 +84,7 @@ def lock_feet(
         shift[:, 2] = np.maximum(shift[:, 2], least - low[:, i])
         target = places[:, ankle] + hold[:, None] * shift
         _, thigh, shank = two_bone(
-            places[:, hip],
-            target,
-            world[:, hip] @ X,
-            skeleton.length(f"{side}_knee"),
-            skeleton.length(f"{side}_ankle"),
+            places[:, hip], target, world[:, hip] @ X, skeleton.length(f"{side}_knee"), skeleton.length(f"{side}_ankle")
         )
         world[moved, hip] = from_rest(thigh, normalised(skeleton.offsets[knee]), X)[moved]
         world[moved, knee] = from_rest(shank, normalised(skeleton.offsets[ankle]), X)[moved]

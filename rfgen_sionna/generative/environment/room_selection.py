@@ -187,9 +187,7 @@ def _score(room: Room, view: View, wanted: PlaceRequest) -> float:
     return sum(wanted.met(kinds)) + sum(wanted.made(room.place.finishes)) - 10.0 * blocked
 
 
-def _inside(
-    scene: FurnishedScene,
-) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]] | None:
+def _inside(scene: FurnishedScene) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]] | None:
     layout = scene.layout
     return (layout.x, layout.y, (0.0, layout.height)) if layout.indoors else None
 

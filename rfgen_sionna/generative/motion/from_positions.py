@@ -68,10 +68,7 @@ def motion_from_positions(positions: FloatArray, frame_rate: float, *, action: s
     world[:, JOINT["head"]] = world[:, JOINT["neck"]]
     for side in SIDES:
         s = side_sign(side)
-        for chain, bend in (
-            (("hip", "knee", "ankle", "foot"), X),
-            (("collar", "shoulder", "elbow", "wrist"), -X),
-        ):
+        for chain, bend in ((("hip", "knee", "ankle", "foot"), X), (("collar", "shoulder", "elbow", "wrist"), -X)):
             a, b, c, e = (JOINT[f"{side}_{name}"] for name in chain)
             if chain[0] == "collar":
                 d, u = bones(f"{side}_collar", f"{side}_shoulder")

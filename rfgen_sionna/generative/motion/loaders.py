@@ -21,12 +21,7 @@ _PARTS = (
     ("global_orient", "body_pose", "left_hand_pose", "right_hand_pose"),
 )
 """What AMASS and the smplx package call the parts of `poses`: root, body, hands."""
-_LAYOUTS = {
-    66: "SMPL body, 22 joints",
-    72: "SMPL, 24 joints",
-    156: "SMPL-H, 52 joints",
-    165: "SMPL-X, 55 joints",
-}
+_LAYOUTS = {66: "SMPL body, 22 joints", 72: "SMPL, 24 joints", 156: "SMPL-H, 52 joints", 165: "SMPL-X, 55 joints"}
 _BODY_TO_OURS = Rotation.from_matrix(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
 """SMPL's body at rest has x to its left, y up and faces z; ours has x forwards, y to the left, z up."""
 _SMPL_PELVIS = np.array([0.0, -0.23, 0.03])
