@@ -1,25 +1,39 @@
 """The tracer: physical optics on facets, from a scene, actors and a radar to paths.
 
-Packages build on those above them alone; `lint-imports` checks it.
+Stages, in order, each with its module:
 
-=============  ================================================================================================
-package        what
-=============  ================================================================================================
-`surface`      the smooth surface that a mesh stands for, cut into facets as fine as the tolerance asks for
-`integral`     what a facet returns, in closed form
-`shadows`      what is seen of facets: adaptive rays, shadows' edges, and where each pair of elements sees them
-`gains`        facet gains of all element pairs over the band from few integrals, and what they err by
-`ghosts`       what plane mirrors show of what moves: walls, floor, ceiling
-`bounces`      what flat parts of anything show: corner reflectors, furniture
-`transmission_tracer`        what is seen through slabs, directly and by further bounces
-`curved`       what bent surfaces show of one another
-`moving`       all of it for what moves, over stretches of time
-`static`       all of it for what stays, once for each radar pose
-`sionna`       paths of Sionna's solvers as ours, and our actors as its targets
-`report`       cost and estimated errors of a trace
-`traced`       paths over an interval of time
-`max_bounces`  most surfaces on a path
-`relative`     a radar that moves, seen from itself
-`tracer`       scene, radar and actors to paths
-=============  ================================================================================================
+==============  =================================================================================================
+stage           module
+==============  =================================================================================================
+surfaces        `surface.surfaces`: scene and actors to smooth surfaces
+facets          `surface.tessellate`: pieces as small as the tolerance demands; `moving.moving_facets` of actors
+sample times    `moving.knots`, `moving.sample_times`: times of delays, of gains and visibility
+visibility      `moving.moving_visibility`, `static.static_visibility`: visible fraction of each facet
+shadow weight   `moving.facet_returns` multiplies the return of a moving facet by its visible fraction
+gains           `gains.band`: gains of all element pairs over the band
+time error      `report`: definition; `moving.temporal_refinement` and `moving.sample_times` estimate it
+paths           `moving.moving_trace`, `static.static_trace`: delays and gains over time; `tracer` joins them
+==============  =================================================================================================
+
+Packages import those above them only; `lint-imports` checks it.
+
+==============  =================================================================================================
+package         contents
+==============  =================================================================================================
+`max_bounces`   largest number of surfaces on a path
+`relative`      moving radar: the world in the radar's frame
+`surface`       smooth surfaces of meshes and their facets
+`integral`      closed-form return of a facet
+`shadows`       adaptive sampling, silhouettes, shadow boundaries
+`gains`         gains of all element pairs over the band, with estimated errors
+`ghosts`        images of actors in walls, floor and ceiling
+`reflectors`    planar reflectors: corners, furniture
+`transmission`  paths through slabs
+`curved`        specular double bounces between curved surfaces
+`moving`        actors over an interval of time
+`static`        static scene, once per radar pose, and the shadows of actors on it
+`sionna`        paths of Sionna's solvers, and our actors as its targets
+`report`        result of a trace: paths, cost, estimated errors
+`tracer`        scene, radar and actors to paths
+==============  =================================================================================================
 """

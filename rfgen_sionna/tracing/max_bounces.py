@@ -1,4 +1,4 @@
-"""Most surfaces on a path."""
+"""Largest number of surfaces on a path."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ MOST_BOUNCES = 3
 
 
 def check_max_bounces(value: int | None) -> int:
-    """What `max_bounces` of a :class:`Tracer` is to be; None is as many as there are.
+    """Number of surfaces of a `max_bounces` argument; None allows all `MOST_BOUNCES`.
 
     Raises
     ------
     ValueError
-        If it is neither None nor 1 … 3.
+        If `value` is neither None nor 1 … 3.
     """
     if value is None:
         return MOST_BOUNCES

@@ -1,8 +1,8 @@
-"""A radar that moves, seen from itself: it stands still and everything else moves.
+"""Moving radar: the world in the frame of the radar at t = 0.
 
-Delays depend on distances alone: the paths between a moving radar and its surroundings are those of a radar that rests
-where it was at t = 0 and of surroundings that move the other way. The static scene becomes moving surfaces. Directions
-are meant in that frame, which lies as the world does at t = 0.
+Delays depend on distances only. Paths between a moving radar and its surroundings equal those of a radar at rest, in
+its pose at t = 0, with surroundings that move the other way. The static scene becomes moving surfaces. Directions refer
+to that frame, whose axes are those of the world at t = 0.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RelativeObject:
-    """An object as the moving radar sees it, in the world frame of t = 0."""
+    """An object in the frame of the moving radar at t = 0."""
 
     name: str
     properties: Material
@@ -33,7 +33,7 @@ class RelativeObject:
     face_parts: IntArray
     """(face,) index into `part_names`."""
     static: bool
-    """Whether it is part of the static scene."""
+    """Whether it belongs to the static scene."""
     vertices: Callable[[float], FloatArray]
     """Time [s] to (vertex, 3) positions [m]."""
 
@@ -41,7 +41,7 @@ class RelativeObject:
 def relative_objects(
     radar: Radar, scene: RadarScene | None, actors: Sequence[MeshActor | RelativeObject]
 ) -> tuple[RelativeObject, ...]:
-    """The static objects, then the actors, as the radar sees them while it follows its trajectory."""
+    """Static objects, then actors, in the frame of the radar along its trajectory."""
 
     def carried(vertices: Callable[[float], FloatArray]) -> Callable[[float], FloatArray]:
         return lambda t: from_world(vertices(t), radar, t)
@@ -77,7 +77,7 @@ def relative_objects(
 
 
 def from_world(points: FloatArray, radar: Radar, t: float) -> FloatArray:
-    """Points (..., 3) of the world at `t` [m], as the moving radar sees them: in the world frame of t = 0."""
+    """Points (..., 3) [m] of the world at `t` [s], in the frame of the radar at t = 0."""
     there = radar.at(t)
     # Rows times matrices: into the device, then from where the device was at t = 0 into the world.
     turn = there.rotation @ radar.rotation.T
@@ -85,5 +85,5 @@ def from_world(points: FloatArray, radar: Radar, t: float) -> FloatArray:
 
 
 def to_world(directions: FloatArray, radar: Radar, t: float) -> FloatArray:
-    """Directions (..., 3) in the world frame of t = 0 that the moving radar sees at `t`, as they are in the world."""
+    """Directions (..., 3) in the frame of t = 0 at `t` [s], in the world."""
     return np.asarray(directions @ (radar.at(t).rotation @ radar.rotation.T).T)

@@ -1,11 +1,14 @@
-"""Cost and estimated errors of a trace."""
+"""Result of a trace: paths over an interval, cost and estimated errors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna._deprecation import Renamed
 from rfgen_sionna._types import FloatArray
@@ -18,48 +21,45 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TraceReport:
-    """What a trace cost."""
+    """Cost and estimated errors of a trace."""
 
     facets: int
     """Facets integrated."""
     rays: int
-    """Visibility rays sent, those of the static scene included."""
+    """Visibility rays, including those of the static scene."""
     sample_times: int
-    """Instants at which visibility and gains were traced."""
+    """Number of times at which visibility and gains were traced."""
     knots: int
-    """Knots of the delays; facets that are looked at between instants have more."""
+    """Knots of the delays; facets under temporal refinement have more."""
     error: float
-    """Estimated error of an actor's return, relative to itself, or of the static scene's, relative to its strongest
-    surface's or to what all of it returns without interfering; whichever is larger. Of an actor that goes behind
-    another in the frame it is relative to when it is seen best.
+    """Estimated error at the sample times: the larger of that of actors and that of the static scene.
 
-    It is that of the integration (:mod:`rfgen_sionna.tracing.gains.error_estimate`), of what is not known of shadows'
-    edges (:mod:`rfgen_sionna.tracing.shadows.adaptive_sampling`) and of where pairs see them
-    (:mod:`rfgen_sionna.tracing.shadows.boundary_edges`), those of actors on the room among them, of direct
-    returns; the
-    tolerance is kept by each of the first two. With further bounces what is left out of these is added, and what
-    geometrical optics may be off by: for outlines of flat things that show others
-    (:mod:`rfgen_sionna.tracing.reflectors.edge_diffraction`; not of ghosts in walls), and where bent ones do
-    (:mod:`rfgen_sionna.tracing.curved.stationary_phase_error`), of a walking person by two bounces 10 to 45 % of its
-    direct return at
-    77 GHz, as most of its glints are near an edge or a shadow. No smaller tolerance mends that."""
+    Reference: the actor's own return, at the time of best visibility where another object occludes it; of the static
+    scene the return of its strongest surface or the incoherent sum of all, whichever is larger.
+
+    Sum of the errors of integration (:mod:`rfgen_sionna.tracing.gains.error_estimate`), of shadow boundaries
+    (:mod:`rfgen_sionna.tracing.shadows.adaptive_sampling`) and of their correction per element pair
+    (:mod:`rfgen_sionna.tracing.shadows.boundary_edges`). `rtol` bounds each of the first two. Indirect paths add
+    omitted returns and the error of geometrical optics: edges of planar reflectors
+    (:mod:`rfgen_sionna.tracing.reflectors.edge_diffraction`; not of ghosts in walls) and specular double bounces
+    (:mod:`rfgen_sionna.tracing.curved.stationary_phase_error`), which no smaller `rtol` reduces.
+    """
     time_error: float
-    """Estimated error between the times that things were looked at: that of shadows of actors that move on, that of
-    gains that turn with them, and that of phases and of the antennas' gain between knots, the root of the sum of their
-    squares.
+    """Estimated error between the sample times and between the knots: the larger of that of actors and that of the
+    static scene.
 
-    Of an actor's direct return it is relative to that. For shadows
-    (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`), where
-    it fades, to what it was, and above `BETWEEN_PER_RTOL` of the tolerance where as many looks as there may be do not
-    suffice. For gains (:mod:`rfgen_sionna.tracing.moving.sample_times`) it is reckoned with some faces of a mesh, and
-    above `GAIN_PER_RTOL` of the tolerance, with a warning, where they turn too fast for any instants. For knots
-    (:mod:`rfgen_sionna.tracing.moving.knots`) it is reckoned with some vertices, those of mirror images among them, and
-    above twice `PHASE_PER_RTOL` of the tolerance where things move too fast for any; over the stretch, of which its
-    ends are the worst. Of the static scene it is relative to what its `error` is
-    (:mod:`rfgen_sionna.tracing.static.static_refinement`). The larger of the two; what else mirrors and slabs show of
-    actors is not in it.
+    Root of the sum of squares of three errors of an actor's direct return, relative to that return:
 
-    It is an estimate: of 88 frames of people more was off in six, up to twice as much."""
+    - moving shadows (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`), at most `BETWEEN_PER_RTOL` times `rtol`
+    unless the limit of refinement is reached;
+    - gains of turning faces (:mod:`rfgen_sionna.tracing.moving.sample_times`), at most `GAIN_PER_RTOL` times `rtol`, or
+    a warning;
+    - phases and antenna gain between knots (:mod:`rfgen_sionna.tracing.moving.knots`), at most twice `PHASE_PER_RTOL`
+    times `rtol`, or a warning.
+
+    That of the static scene: moving shadows (:mod:`rfgen_sionna.tracing.static.static_refinement`), relative to the
+    reference of its `error`. Other indirect paths of actors are not included.
+    """
 
     between = Renamed("time_error")
     instants = Renamed("sample_times")
@@ -67,35 +67,48 @@ class TraceReport:
 
 @dataclass(frozen=True)
 class Traced:
-    """Paths over a stretch of time. The channel is the sum of all parts, which don't share knots."""
+    """Paths over an interval of time. The channel is the sum of all parts; parts have knots of their own."""
 
     static: RadarPaths
-    """The static scene as if there were no actors: one knot, traced once."""
+    """Static scene without actors: one knot, traced once."""
     find_shadows: Callable[[], tuple[Shadow, ...]]
-    """Works `shadows` out."""
+    """Computes `shadows`."""
     moving: RadarPaths
-    """The actors, but for what is in `refined`."""
+    """Paths of the actors, except those in `refined`."""
     refined: RadarPaths | None
-    """Direct returns of actors' facets that shadows pass over between instants, at more knots
-    (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`); None where there are none."""
+    """Direct returns of facets under temporal refinement, at more knots
+    (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`); None without any."""
     report: TraceReport
     places: Callable[[float], FloatArray]
-    """Time [s] to the (path, 3) middles [m] of the facets that the first paths of `moving`, the direct returns, go by.
-    It holds until the next stretch is traced."""
+    """Time [s] to the (path, 3) facet centres [m] of the first paths of `moving`, the direct returns; valid until the
+    next interval is traced."""
     refined_places: Callable[[float], FloatArray]
-    """The same of `refined`."""
+    """Likewise of `refined`."""
 
     glanced = Renamed("refined")
     glanced_places = Renamed("refined_places")
 
     @cached_property
     def shadows(self) -> tuple[Shadow, ...]:
-        """What the actors hide of the static scene; worked out when it is first asked for, on whatever thread."""
+        """Shadows of the actors on the static scene; computed at first use, on any thread."""
         with one_blas_thread():
             return self.find_shadows()
 
+    def shadowed_static(self) -> tuple[RadarPaths, NDArray[np.bool_]]:
+        """Static scene with the shadows of the actors at a single sample time, and whether each path is visible."""
+        static = self.static
+        if not self.shadows:
+            return static, np.ones(static.num_paths, np.bool_)
+        a, dispersion = static.a.copy(), None if static.dispersion is None else static.dispersion.copy()
+        for shadow in self.shadows:
+            a[:, :, shadow.index] += shadow.paths.a
+            if dispersion is not None and shadow.paths.dispersion is not None:
+                more = shadow.paths.dispersion  # may have fewer orders
+                dispersion[: len(more), :, :, shadow.index] += more
+        return replace(static, a=a, dispersion=dispersion), np.any(a != 0, axis=(0, 1, 3))
+
     def changing(self) -> tuple[RadarPaths, ...]:
-        """All but the static scene."""
+        """All paths except those of the static scene."""
         return *self.actors, *(each.paths for each in self.shadows)
 
     @property

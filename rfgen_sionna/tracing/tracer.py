@@ -50,55 +50,54 @@ if TYPE_CHECKING:
     from rfgen_sionna.scene import MeshActor, RadarScene
 
 PHASE_PER_RTOL = 0.5
-"""Phase error between knots [rad, root mean square over the vertices], and relative error of the antennas' gain, per
-unit of `rtol`: at 1e-3 no instant is off by 0.1 degrees."""
+"""Allowed phase error between knots [rad, root mean square over the vertices] and relative error of the antenna gain,
+per unit of `rtol`: 0.1° at any time for 1e-3."""
 GAIN_PER_RTOL = 3.0
-"""Relative error of the gains between instants [root mean square over time] per unit of `rtol`, as it is stated."""
+"""Allowed relative error of gains between sample times [root mean square over time] per unit of `rtol`; part of the
+stated `time_error`."""
 VISIBILITY_SPACING = 10e-3
-"""Longest gap [s] between four instants and more at which gains and visibility are traced; delays may have more."""
+"""Largest gap [s] between four or more sample times of gains and visibility; knots of delays may be closer."""
 _MORE, _AGAIN = 1.1, 3
-"""By how much more than was known the return has to cancel for a stretch to be traced anew, with more instants, and how
-often it is traced at most."""
+"""Growth of the cancellation above which an interval is traced anew with more sample times, and the largest number of
+traces."""
 
 
 class Tracer:
     """Traces one radar in one scene with its actors.
 
-    The static scene is tessellated, tested for visibility and integrated once; per stretch of time only the actors
-    and what they hide is traced anew. Every surface reflects with its Fresnel coefficients, as a half-space or a slab,
-    and where it is rough diffusely as well. Further returns are coherent: images in walls and floors
-    (:mod:`rfgen_sionna.tracing.ghosts.ghosts`), reflections in flat parts of anything
-    (:mod:`rfgen_sionna.tracing.reflectors.planar_reflections`, :mod:`~rfgen_sionna.tracing.static.static_reflections`)
-    and specular double bounces between bent surfaces (:mod:`rfgen_sionna.tracing.curved.curved_reflections`).
+    The static scene is tessellated, tested for visibility and integrated once. Each interval of time traces the actors
+    and their shadows on the static scene. Surfaces reflect with Fresnel coefficients, as half-spaces or slabs; rough
+    ones reflect diffusely as well. Indirect paths are coherent: ghosts in walls and floors
+    (:mod:`rfgen_sionna.tracing.ghosts.ghosts`), planar reflectors
+    (:mod:`rfgen_sionna.tracing.reflectors.planar_reflections`, :mod:`rfgen_sionna.tracing.static.static_reflections`)
+    and specular double bounces between curved surfaces (:mod:`rfgen_sionna.tracing.curved.curved_reflections`).
 
-    Not traced are paths by two bent surfaces and a third one or a slab; paths of actors by two different walls one
-    after the other, where the radar moves or behind slabs; and, where it stands, by two different walls if one of the
-    ways goes through a slab.
+    Not traced: paths by two curved surfaces and a third surface or a slab; paths of actors by two different walls in
+    succession if the radar moves or slabs are in between.
 
     Parameters
     ----------
     scene
-        The static scene; None is free space.
+        Static scene; None is free space.
     radar
-        Position, elements, band and range window. If it moves, what :meth:`trace` and geometry say
-        of directions is in the frame of :mod:`rfgen_sionna.tracing.relative`; :meth:`instant` speaks of the world.
+        Position, elements, band and range window. Directions of a moving radar are in the frame of
+        :mod:`rfgen_sionna.tracing.relative`, except those of :meth:`instant`, which are in the world.
     actors
-        What moves.
+        Moving objects.
     rtol
         Allowed error of each actor's coherent return, relative to itself, and of the static scene's, relative to its
-        strongest surface or to what it returns without interfering; it is measured
-        (:mod:`rfgen_sionna.tracing.gains.error_estimate`) and facets are made finer until it is met. Times
-        `PHASE_PER_RTOL` and `GAIN_PER_RTOL` it is what splines in time may err by.
+        strongest surface or to its incoherent sum. Facets are refined until the estimate
+        (:mod:`rfgen_sionna.tracing.gains.error_estimate`) meets it. Splines in time may err by `PHASE_PER_RTOL` and
+        `GAIN_PER_RTOL` times as much.
     seed
-        Seed of the phases of what rough surfaces return diffusely.
+        Seed of the phases of diffuse returns.
     max_bounces
-        Most surfaces on a path: 1 has direct returns alone; 2 adds those by one flat part on the way there or back, and
-        by two bent surfaces; 3 adds those by flat parts both ways. Returns that are below the tolerance, by an estimate
-        from Fresnel coefficients, spreading and antenna pattern, are left out.
+        Largest number of surfaces on a path: 1 direct returns only; 2 adds one planar reflector on the way out or back,
+        and two curved surfaces; 3 adds planar reflectors on both ways. Returns below the tolerance, by an upper bound,
+        are omitted.
     transmission
-        Whether slabs, surfaces of a material with a thickness, are seen through, straight ahead and on every leg to
-        actors, and between static surfaces, by way of flat parts
-        (:mod:`rfgen_sionna.tracing.transmission.slab_footprints`,
+        Whether slabs (surfaces of a material with a thickness) transmit: on direct paths, on every leg to actors, and
+        between static surfaces by way of planar reflectors (:mod:`rfgen_sionna.tracing.transmission.transmission`,
         :mod:`rfgen_sionna.tracing.static.static_transmission`).
     """
 
@@ -115,7 +114,7 @@ class Tracer:
         self.radar = radar
         self.actors: tuple[MeshActor | RelativeObject, ...] = tuple(actors)
         if radar.trajectory is not None:
-            # Seen from the radar all the world moves, in the frame of t = 0.
+            # In the radar's frame the whole world moves.
             self.actors, scene = relative_objects(radar, scene, actors), None
         self.scene = scene
         self.rtol = rtol
@@ -131,35 +130,27 @@ class Tracer:
 
     @cached_property
     def static(self) -> StaticTrace:
-        """The static scene, traced at first use."""
-        transmission_tracer = self._static_transmission
-        slab_edges = (
-            None
-            if transmission_tracer is None
-            else static_slab_transmission(self.surfaces, transmission_tracer, self._band)
-        )
+        """Static scene, traced at first use."""
+        slabs = self._static_transmission
+        slab_edges = None if slabs is None else static_slab_transmission(self.surfaces, slabs, self._band)
         given = self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
         return trace_static(*given, slab_edges)
 
     @cached_property
     def _static_transmission(self) -> Transmission | None:
-        """What finds what static slabs show of static surfaces; None where there is none."""
+        """Transmission between static surfaces; None without slabs."""
         if not self.transmission or not self.surfaces.static:
             return None
         return find_static_transmission(self.surfaces, self.radar, self.rtol)
 
     @cached_property
     def static_indirect(self) -> tuple[StaticReflections | StaticCurvedReflections | StaticTransmission, ...]:
-        """What static surfaces show of one another, and what is seen through them, traced at first use."""
+        """Indirect paths between static surfaces and through them, traced at first use."""
         found: list[StaticReflections | StaticCurvedReflections | StaticTransmission | None] = []
         if self._static_rays is not None:
             scene = self.surfaces, self._static_rays, self.radar
-            transmission_tracer = self._static_transmission
-            straight = (
-                None
-                if transmission_tracer is None
-                else trace_static_transmission(*scene[:2], transmission_tracer, self.static)
-            )
+            slabs = self._static_transmission
+            straight = None if slabs is None else trace_static_transmission(*scene[:2], slabs, self.static)
             found.append(straight)
             if self.max_bounces > 1:
                 found.append(trace_static_reflections(*scene, self._band, self.static, self.rtol, self.max_bounces))
@@ -179,19 +170,19 @@ class Tracer:
 
     @cached_property
     def mirrors(self) -> tuple[Mirror, ...]:
-        """Flat parts of the static scene, wide against the Fresnel zone, that the radar sees: ghosts appear in them."""
+        """Planar surfaces of the static scene in view, wider than the Fresnel zone: candidates for ghosts."""
         surfaces, visible = self.surfaces, self.static.unoccluded
         radar, points = self.radar, surfaces.static_vertices
         return find_mirrors(surfaces.static, points, visible, self._viewpoint, radar.wavelength, radar.max_range)
 
     @cached_property
     def _static_rays(self) -> RayScene | None:
-        """The static meshes alone; None where there are none."""
+        """Ray scene of the static meshes; None without any."""
         return RayScene(self._static_meshes, origin=self._viewpoint) if self._static_meshes else None
 
     @cached_property
     def _rays(self) -> RayScene:
-        """Static and moving meshes together."""
+        """Ray scene of static and moving meshes."""
         moving = [(points, actor.faces) for points, actor in zip(self._vertices(0.0), self.actors, strict=True)]
         return RayScene(self._static_meshes, moving, origin=self._viewpoint)
 
@@ -201,15 +192,20 @@ class Tracer:
         return [(points, each.faces) for points, each in zip(surfaces.static_vertices, surfaces.static, strict=True)]
 
     def _vertices(self, t: float) -> list[FloatArray]:
-        """Vertices of every actor at `t`; kept for the stretch at hand, as knots are chosen by trying."""
+        """Vertices of every actor at `t` [s]; cached for the current interval, as the choice of knots repeats times."""
         if t not in self._positions:
             self._positions[t] = [actor.vertices(t) for actor in self.actors]
         return self._positions[t]
 
     def follow(self, cull: bool = True) -> MovingTracer:
-        """What keeps the moving facets through a run: with the same one, facets stay the same from one :meth:`trace` to
-        the next. Results depend on what it went through before, so that every run begins with its own. Not `cull`, it
-        is for images, which have what the antennas hardly see as well."""
+        """A tracer of the actors, with the state of one run: facets persist from one :meth:`trace` to the next. Results
+        depend on earlier calls, so each run starts with a new one.
+
+        Parameters
+        ----------
+        cull
+            Whether facets that are negligible for the antennas are omitted; False traces all, for images.
+        """
         ghosts, reflections, curved = None, list[PlanarReflections](), None
         if self.max_bounces > 1 and self.surfaces.moving:
             if self.surfaces.static:
@@ -221,21 +217,20 @@ class Tracer:
                 curved = CurvedReflections(
                     self.surfaces, self.radar, self.rtol, lambda: planar.owner, lambda: self.static.unoccluded
                 )
-        reach = self.radar.max_range
-        transmission_tracer = None
+        transmission: Transmission | None = None
         if self.transmission and self.surfaces.moving:
             found = Transmission(self.surfaces, self.surfaces.moving, self.radar, self.rtol)
-            transmission_tracer = found if found.any_transmission() else None
+            transmission = found if found.any_transmission() else None
             if self.max_bounces > 1 and found.any_transmission(one_way=True):
                 common = self.surfaces, self.radar, self.rtol, self.max_bounces
                 reflections.append(PlanarReflections(*common, legs=SlabLegs(found)))
-        given = self.surfaces, self._band, self._viewpoint, reach, self.rtol
-        indirect = IndirectPaths(self.surfaces, self._band, ghosts, reflections, curved, transmission_tracer)
+        given = self.surfaces, self._band, self._viewpoint, self.radar.max_range, self.rtol
+        indirect = IndirectPaths(self.surfaces, self._band, ghosts, reflections, curved, transmission)
         return MovingTracer(*given, indirect, cull)
 
     def knots(self, positions: Callable[[float], Sequence[FloatArray]], start: float, stop: float) -> Knots:
-        """Knots from `start` to `stop` [s] between which splines follow what this radar sees of meshes at `positions`,
-        (vertex, 3) of each at a time [s]."""
+        """Knots from `start` to `stop` [s] for the delays of meshes with `positions`, time [s] to (vertex, 3) [m] of
+        each."""
         interval = start, stop, self._band.highest, PHASE_PER_RTOL * self.rtol, VISIBILITY_SPACING
         reach = 0.5 * float(lengths(self.radar.virtual_positions).max())
         return choose_knots(positions, self._viewpoint, *interval, self._band.pattern_gain, reach)
@@ -248,10 +243,16 @@ class Tracer:
         moving: MovingTracer | None = None,
         watch: Callable[[float, RayScene], None] | None = None,
     ) -> Traced:
-        """Paths from `start` to `stop` [s], with as many knots as the motion asks for.
+        """Paths from `start` to `stop` [s], with as many knots as the motion demands.
 
-        `moving` is the run's, None is a new one. `watch` is called with each instant at which visibility is traced and
-        the ray scene as it stands then.
+        Parameters
+        ----------
+        start, stop
+            Interval [s].
+        moving
+            Result of :meth:`follow` for the run; None starts a new one.
+        watch
+            Called with each sample time [s] and the ray scene of that time.
         """
         self._positions.clear()
         moving = moving or self.follow()
@@ -263,7 +264,7 @@ class Tracer:
         knots, time_error = self.knots(delay_points, start, stop)
         closed = [surface.closed for surface in self.surfaces.moving]
         given = self._vertices, faces, closed, self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
-        # What actors hide of what stays, or of what is watched, is told by three times and more.
+        # Shadows on static surfaces and watched scenes need three sample times or more.
         pair = not self.surfaces.static and self.radar.trajectory is None and watch is None
         for _ in range(_AGAIN):
             known = moving.relative_cancellation
@@ -272,7 +273,7 @@ class Tracer:
             )
             finest = knots if len(knots) > len(sample_times) else sample_times
             traced = self._traced(finest, sample_times, moving, float(np.hypot(turned, time_error)), watch)
-            # How much of the return cancels is known when it was traced.
+            # The cancellation of the return is known only after the trace.
             more = float((moving.relative_cancellation / known).max())
             if more * turned <= gain or more < _MORE or watch is not None or len(sample_times) == 1:
                 break
@@ -283,28 +284,18 @@ class Tracer:
 
     @one_blas_thread()
     def instant(self, t: float, indirect: bool = False) -> RadarPaths:
-        """All paths at one instant [s] with their rates: static ones first, then the actors'; a single knot.
-        `indirect`, those alone that come by several surfaces or through slabs."""
+        """All paths at `t` [s] with their rates, static ones first, then the actors'; one knot. `indirect` returns
+        those by several surfaces or through slabs only."""
         self._positions.clear()
         moving = self.follow()
         if self.actors:
             moving.prepare(self._vertices, (t,))
         traced = self._traced(np.array([t]), np.array([t]), moving)
-        static, actors = traced.static, traced.moving
-        left = np.ones(static.num_paths, np.bool_)
-        if traced.shadows:
-            a = static.a.copy()
-            dispersion = None if static.dispersion is None else static.dispersion.copy()
-            for shadow in traced.shadows:
-                a[:, :, shadow.index] += shadow.paths.a
-                if dispersion is not None and shadow.paths.dispersion is not None:
-                    more = shadow.paths.dispersion  # of as many orders as its own paths have
-                    dispersion[: len(more), :, :, shadow.index] += more
-            static, left = replace(static, a=a, dispersion=dispersion), np.any(a != 0, axis=(0, 1, 3))
+        (static, visible), actors = traced.shadowed_static(), traced.moving
         if indirect:
-            left[: self.static.paths.num_paths] = False
+            visible[: self.static.paths.num_paths] = False
             actors = actors.select(np.arange(len(traced.places(t)), actors.num_paths))
-        static = static if left.all() else static.select(left)
+        static = static if visible.all() else static.select(visible)
         paths = RadarPaths.concatenate([replace(static, times=np.array([t])), actors])
         if self.radar.trajectory is None:
             return paths
@@ -312,7 +303,8 @@ class Tracer:
         return replace(paths, direction=direction, arrival=arrival)
 
     def geometry(self, t: float) -> tuple[RayScene, list[FloatArray], list[FloatArray | None]]:
-        """The ray scene as it stands at `t` [s], each object's vertices [m], and their velocities [m/s] or None."""
+        """Ray scene at `t` [s], each object's vertices (vertex, 3) [m] and their velocities [m/s]; None for static
+        objects."""
         self._positions.clear()
         moving = self._vertices(t)
         rays = self.rays_at(t)
@@ -329,28 +321,25 @@ class Tracer:
         turned: float = 0.0,
         watch: Callable[[float, RayScene], None] | None = None,
     ) -> Traced:
-        """Delays at `knots`, visibility and gains at `sample_times` [s], between which gains that turn are off by
-        `turned`,
-        and what else splines miss there, relative to the return."""
-        static = self.static
-        static_indirect = self.static_indirect
+        """Trace with delays at `knots` and gains at `sample_times` [s]; `turned` is the time error so far."""
+        static, static_indirect = self.static, self.static_indirect
         shares: dict[float, StaticVisibility] = {}
-        left: list[dict[float, FloatArray]] = [{} for _ in static_indirect]
+        fractions: list[dict[float, FloatArray]] = [{} for _ in static_indirect]
         sent = [static.rays, *(each.rays for each in static_indirect)]
 
         @cache
         def occluded() -> NDArray[np.intp]:
-            """Static facets that actors may hide at one of the instants."""
+            """Static facets that actors may occlude at a sample time."""
             each = zip(*(self._vertices(t) for t in sample_times.tolist()), strict=True)
             return static.behind([np.concatenate(places) for places in each])
 
         def visibility(t: float) -> RayScene:
-            """The ray scene at `t`; what the actors hide of the static scene is found out by the way."""
+            """Ray scene at `t`; finds the static facets that actors occlude then, once per time."""
             rays = self.rays_at(t)
             if t not in shares and self.actors:
                 shares[t], count = static.visible(rays, occluded(), parts.silhouette_rays(t))
                 sent.append(count)
-                for each, by_time in zip(static_indirect, left, strict=True):
+                for each, by_time in zip(static_indirect, fractions, strict=True):
                     by_time[t], count = each.visible(rays, self._vertices(t))
                     sent.append(count)
                 if watch is not None:
@@ -368,7 +357,7 @@ class Tracer:
             static, sample_times, static_visibility, lambda t: self.rays_at(t, keep=False), self.rtol
         )
         indirect = [
-            np.stack([by_time[t] for t in sample_times.tolist()], axis=1) if by_time else None for by_time in left
+            np.stack([by_time[t] for t in sample_times.tolist()], axis=1) if by_time else None for by_time in fractions
         ]
         pairs = list(zip(static_indirect, indirect, strict=True))
         unseen = [interpolation_error(static, each.paths, share) for each, share in pairs if share is not None]
@@ -398,8 +387,8 @@ class Tracer:
         )
 
     def rays_at(self, t: float, keep: bool = True) -> RayScene:
-        """Static and moving meshes as they are at `t` [s], until it is asked for another time; `keep`, vertices are
-        kept for the stretch at hand."""
+        """Static and moving meshes at `t` [s], valid until the next call; `keep` caches the vertices for the current
+        interval."""
         if self.actors and self._rays_time != t:
             known = keep or t in self._positions
             self._rays.update(self._vertices(t) if known else [actor.vertices(t) for actor in self.actors])

@@ -69,7 +69,7 @@ class FacetReturns:
             found += np.split(values, np.cumsum([len(each) for each in some])[:-1], axis=1)
         return found
 
-    def visible(
+    def apply_visibility(
         self,
         visible: Sequence[VisibleFacets],
         selected: NDArray[np.intp],
@@ -198,7 +198,7 @@ class FacetReturns:
         there = visible.of(np.flatnonzero(visible.any_visible() & surfaces[visible.facets.surface]))
         selected, count = np.arange(len(there.facets)), len(self._materials)
         reference, tolerance_group = there.facets.centroids, self._tolerance_group[there.facets.surface]
-        sampled_returns = self.visible([there], selected, [there.facets], [reference], expansion)
+        sampled_returns = self.apply_visibility([there], selected, [there.facets], [reference], expansion)
         found = []
         for pair in pairs:
             given = sampled_returns.boundary_correction[0], there, selected, reference, pair, surfaces

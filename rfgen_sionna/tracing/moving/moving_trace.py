@@ -269,7 +269,7 @@ class MovingTracer:
         facets = Facets.taken([each.facets for each in visible], selected)
         cluster_head = self._facets.clusters.heads_over_interval([each.facets.centroids for each in visible], selected)
         references = [np.take(each.facets.centroids, cluster_head, axis=0) for each in visible]
-        sampled_returns = self._returns.visible(visible, selected, facets, references, expansion)
+        sampled_returns = self._returns.apply_visibility(visible, selected, facets, references, expansion)
         shares = np.stack([each.shares(len(self._per_element.pairs))[selected] for each in visible], axis=-1)
         returned = ReturnedFacets(
             selected, facets, cluster_head, shares, sampled_returns.values, sampled_returns.boundary_correction

@@ -339,7 +339,7 @@ class TemporalRefinement:
             some = sampled.of(np.arange(first, min(first + most * count, len(sampled.facets))))
             own = some.facets
             times = len(own) // count
-            sampled_returns = self._returns.visible(
+            sampled_returns = self._returns.apply_visibility(
                 [some], np.arange(len(own)), [own], [own.centroids], expansion, times
             )
             found += sampled_returns.values
