@@ -1,14 +1,13 @@
-"""What an element's wave is like at a point that it reaches by way of bent mirrors.
+"""Wave of an element at a point, by way of curved mirrors.
 
-Rays are followed from the phase centre; the elements stand beside it. For each of them the way to the same point is
-found by Fermat's principle: the length of the path over places on the mirrors, each the quadric that touches the
-surface where the phase centre's ray met it, is stationary. The same second derivatives tell how the wave spreads,
+Rays start at the phase centre; elements are displaced from it. The path of an element to the same point follows from
+Fermat's principle: its length is stationary over the points on the mirrors, each the osculating quadric at the ray's
+reflection point. The second derivatives of the length L give the spreading,
 
     |E| = |det d^2 L / de dx|^(1/2)
 
-over directions across the path at the element e and at the point x (Van Vleck's determinant: 1 / R without mirrors,
-and what the curvatures of the mirrors make of it with them), and every mirror beyond whose focus the point lies turns
-the phase by a quarter (the number of negative eigenvalues of the Hessian over the mirrors: Morse).
+over directions across the path at the element e and the point x (Van Vleck's determinant; 1 / R without mirrors). Each
+negative eigenvalue of the Hessian over the mirrors is a passed focus and turns the phase by a quarter (Morse index).
 
 Source: V. Cerveny, Seismic Ray Theory (2001), sections 4.10 to 4.12; J. B. Keller's geometrical optics.
 """
@@ -25,29 +24,28 @@ from rfgen_sionna.scene.mesh import lengths, unit
 from rfgen_sionna.tracing.curved.media import SurfaceOptics, polarisation_bases, reflected
 
 STEPS = 3
-"""Newton's steps: the elements are centimetres from where the rays start, and each step squares what is missing."""
+"""Newton steps: elements are centimetres from the phase centre, and each step squares the error."""
 MAX_FOCUSING = 1.0
-"""A wave is never stronger than this times the square root of 1 / (wavelength x length) per unit of 1 / length: near
-a focus geometrical optics has no bound, diffraction has."""
+"""Bound of the spreading near a focus, times sqrt(1 / (wavelength x length)): diffraction limits it."""
 
 
 @dataclass(frozen=True)
 class CurvedMirror:
-    """Where rays are reflected."""
+    """Reflection points with local curvature."""
 
     point: FloatArray
     """(lane, 3) [m]"""
     normal: FloatArray
-    """(lane, 3) unit, towards where they come from."""
+    """(lane, 3) unit, towards the incident ray."""
     curvature: FloatArray
-    """(lane, 3, 3) how the normal turns along the surface [1/m]."""
+    """(lane, 3, 3) change of the normal along the surface [1/m]."""
     surface: IntArray
     """(lane,)"""
 
 
 @dataclass(frozen=True)
 class Route:
-    """Ways from the phase centre to points."""
+    """Paths from the phase centre to points."""
 
     mirrors: tuple[CurvedMirror, ...]
     point: FloatArray
@@ -56,24 +54,24 @@ class Route:
 
 @dataclass(frozen=True)
 class ArrivingWave:
-    """An element's wave at points; its phase is that of `length` and of the field."""
+    """An element's wave at points; its phase is of `length` and of the field."""
 
     length: FloatArray
     """(lane,) of the path [m]."""
     ray: FloatArray
-    """(lane, 3) unit vector in which it arrives."""
+    """(lane, 3) unit direction of arrival."""
     spread: ComplexArray
-    """(lane,) [1/m] what the wave is by its spreading, quarter turns included."""
+    """(lane,) spreading [1/m], quarter turns included."""
     legs: tuple[FloatArray, ...]
     """Unit vectors (lane, 3) of the legs."""
     normals: tuple[FloatArray, ...]
-    """Of the mirrors where the wave meets them (lane, 3): what turns each leg into the next."""
+    """Normals (lane, 3) of the mirrors at the reflection points."""
     hessian: FloatArray
-    """(lane, 2 m, 2 m) second derivatives of the length [1/m] over the places on m mirrors, along their `tangents`."""
+    """(lane, 2 m, 2 m) second derivatives of the length [1/m] over the points on m mirrors, along their `tangents`."""
 
 
 def arriving_wave(element: FloatArray, route: Route, optics: SurfaceOptics) -> ArrivingWave:
-    """The wave of an `element` (3,), or (lane, 3) of one for each point, [m] at the route's points."""
+    """Wave at the route's points of an `element` (3,), or of one per point (lane, 3) [m]."""
     mirrors, end = route.mirrors, route.point
     legs: tuple[FloatArray, ...]
     normals: tuple[FloatArray, ...]
@@ -107,7 +105,7 @@ def arriving_wave(element: FloatArray, route: Route, optics: SurfaceOptics) -> A
             if step == STEPS:
                 break
             shift = np.linalg.solve(_regular(hessian), -gradient[..., None])[..., 0]
-            # A quadric holds near its point only: no further than the legs are long.
+            # The quadric holds near its point: steps stay within a share of the shortest leg.
             limit = 0.3 * np.minimum.reduce(reach_of)
             shift *= np.minimum(1.0, limit / np.maximum(np.sqrt((shift**2).sum(axis=1)), 1e-30))[:, None]
             place = [u + shift[:, 2 * i : 2 * i + 2] for i, u in enumerate(place)]
@@ -123,8 +121,8 @@ def arriving_wave(element: FloatArray, route: Route, optics: SurfaceOptics) -> A
 def polarised_field(
     field: FloatArray, arrival: ArrivingWave, route: Route, optics: SurfaceOptics, frequency: float
 ) -> ComplexArray:
-    """(lane, 3) field at the points, without its phase by length, for an element whose field has direction `field`
-    (3,); of unit strength one metre away in all directions."""
+    """(lane, 3) complex field at the points, without the phase of the length, for an element with field direction
+    `field` (3,) of unit strength at 1 m in all directions; `frequency` [Hz]."""
     first = arrival.legs[0]
     across = field - (first @ field)[:, None] * first
     found = (across / np.maximum(lengths(across), 1e-9)[:, None]).astype(np.complex128)
@@ -142,7 +140,7 @@ def _derivatives(
     legs: tuple[FloatArray, ...],
     across: list[FloatArray],
 ) -> tuple[FloatArray, FloatArray]:
-    """Gradient (lane, 2 m) and Hessian (lane, 2 m, 2 m) of the path's length over the places on m mirrors."""
+    """Gradient (lane, 2 m) and Hessian (lane, 2 m, 2 m) of the path length over the points on m mirrors."""
     count, lanes = len(mirrors), len(legs[0])
     gradient, hessian = np.zeros((lanes, 2 * count)), np.zeros((lanes, 2 * count, 2 * count))
     for i, (mirror, slope, curvature) in enumerate(zip(mirrors, slopes, curvatures, strict=True)):
@@ -159,9 +157,8 @@ def _derivatives(
 
 
 def _between(one: FloatArray, other: FloatArray, normal: FloatArray) -> FloatArray:
-    """(lane, 3) unit vectors that the unit vector `one` is mirrored to the `other` by; at grazing the surface's
-    `normal`. Near a caustic the place is not found to the last digit, and the surface's own would make another wave of
-    the one and the other way round."""
+    """(lane, 3) unit normals that reflect `one` to `other`; at grazing incidence the surface's `normal`. Reciprocal,
+    where the surface's own normal is inexact near a caustic."""
     turn = other - one
     size = lengths(turn)[:, None]
     return np.where(size > 1e-6, turn / np.maximum(size, 1e-300), normal)
@@ -191,14 +188,14 @@ def _spread(
 
 
 def _regular(hessian: FloatArray) -> FloatArray:
-    """With a little more on the diagonal where it would be singular."""
+    """The Hessian with a small diagonal against singularity."""
     size = np.abs(hessian).max(axis=(1, 2), initial=1e-12)
     eye = np.eye(hessian.shape[1])
     return np.asarray(hessian + (1e-12 * size + 1e-12)[:, None, None] * eye)
 
 
 def tangents(normal: FloatArray) -> FloatArray:
-    """(lane, 3, 2) two unit vectors across each of `normal` (lane, 3) and each other."""
+    """(lane, 3, 2) two unit vectors across each `normal` (lane, 3) and each other."""
     helper = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     one = unit(np.cross(helper, normal))
     return np.stack([one, np.cross(normal, one)], axis=2)

@@ -1,11 +1,9 @@
-"""Returns by way of two bent surfaces: from body to body, from limb to trunk, from body to round furniture.
+"""Returns by two curved surfaces: body to body, limb to trunk, body to round furniture.
 
-Flat parts are mirrors with an outline (:mod:`rfgen_sionna.tracing.reflectors.planar_reflections`); bent surfaces show
-of one another but glints, which glide over both of them: those are found at every instant
-(:mod:`~rfgen_sionna.tracing.curved.double_bounce_search`)
-and returned by geometrical optics, with the spreading that both curvatures make of the wave. Between instants the way
-of a glint is known from either of them: where the two agree it goes on, where they do not one fades and another one
-comes.
+Curved surfaces reflect each other at specular double bounces, found at each sample time
+(:mod:`~rfgen_sionna.tracing.curved.double_bounce_search`) and evaluated by geometrical optics with the spreading of
+both curvatures. Between sample times each double bounce is moved with its surfaces from both sides: matching ones form
+a track, others fade in or out.
 """
 
 from __future__ import annotations
@@ -34,64 +32,59 @@ from rfgen_sionna.tracing.surface.surfaces import Surface, Surfaces
 
 Positions = Callable[[float], Sequence[FloatArray]]
 OMITTED_SHARE = 0.5
-"""Share of the tolerance that the returns of one surface may make up together to be left out."""
+"""Share of the tolerance below which the double bounces of a surface are left out."""
 TRACK_WAVELENGTHS = 1 / 16
-"""By how many wavelengths the ways of two glints may differ half way between their instants to be one glint's."""
+"""Most difference of path length half way between sample times within one track [wavelengths]."""
 TRACK_DISTANCE = 0.05
-"""How far apart their places may be then [m]."""
+"""Most distance of their points there [m]."""
 
 
 @dataclass(frozen=True)
 class DoubleBounceVisibility:
-    """What bent surfaces show of one another at an instant."""
+    """Double bounces at a sample time."""
 
     double_bounces: DoubleBounces
     stationary_phase_error: FloatArray
-    """(glint,) what each one's return may be off by, relative to it
-    (:mod:`~rfgen_sionna.tracing.curved.stationary_phase_error`)."""
+    """(double bounce,) relative error of each (:mod:`~rfgen_sionna.tracing.curved.stationary_phase_error`)."""
     sampled_facets: int
-    """Faces that count."""
+    """Candidate faces."""
     rays: int
 
 
 @dataclass(frozen=True)
 class _Tracks:
-    """DoubleBounces over several instants."""
+    """Double bounces over several sample times."""
 
     first: NDArray[np.intp]
-    """(track,) the first instant of each ..."""
+    """(track,) first sample time of each."""
     last: NDArray[np.intp]
-    """... and the last one."""
+    """(track,) last one."""
     entry: NDArray[np.intp]
-    """(track, instant) its number among the glints of each instant, -1 beyond."""
+    """(track, sample time) number of the double bounce, -1 outside the track."""
 
 
 def _hat_weight(sample_times: FloatArray, k: int, t: float) -> float:
-    """How much instant number `k` counts at `t`, linearly between it and its neighbours; the first one and the last one
-    count beyond."""
+    """Linear weight of sample time `k` at `t`; constant beyond the first and the last one."""
     values = np.zeros(len(sample_times))
     values[k] = 1.0
     return float(np.interp(t, sample_times, values))
 
 
 class CurvedReflections:
-    """Traces them stretch by stretch.
+    """Finds and traces specular double bounces, interval by interval.
 
     Parameters
     ----------
-    surfaces
-        All of the scene.
-    radar
-        Where it stands.
+    surfaces, radar
+        Scene and radar.
     rtol
         Tolerance, relative to the direct return of the stronger of the two surfaces.
-    plates
-        (face,) number of the flat part that each face of the ray scene belongs to, -1 for none; asked for at first use,
-        which is after the flat parts were found.
-    lit
-        Faces of the ray scene that stay and that the radar sees without actors, asked for at first use.
+    reflectors
+        Returns (face,) planar reflector of each face, -1 for none; called at first use.
+    unoccluded
+        Returns visible static faces without actors; called at first use.
     still
-        Whether it is for what stays in the world alone, and not for what moves and what that shows of the rest.
+        True finds double bounces between static surfaces, False those with a moving one.
     """
 
     def __init__(
@@ -126,9 +119,7 @@ class CurvedReflections:
     def trace_visibility(
         self, rays: RayScene, vertices: Sequence[FloatArray], visible: IntArray
     ) -> DoubleBounceVisibility:
-        """What is there when all surfaces have their `vertices` [m], of which the faces `visible` (face,) of the ray
-        scene
-        are seen directly among those that move."""
+        """Double bounces with all surfaces at `vertices` [m]; `visible` are the directly visible moving faces."""
         surface_model = self._smoothed(vertices)
         bent = (self._reflectors() < 0) & ~surface_model.plane[surface_model.sheet]
         wanted = np.zeros(len(bent), np.bool_)
@@ -160,12 +151,9 @@ class CurvedReflections:
         positions: Positions,
         reference_level: FloatArray,
     ) -> tuple[RadarPaths | None, float]:
-        """Paths of what was `visible` at each of the `sample_times` [s], with delays at `knots` [s], but for what is
-        too weak
-        relative to the direct returns `reference_level`: (moving surface,), or one of all that stays. None where all
-        of it is.
-        And what geometrical optics may be off by and what is left out, relative to these returns, of the surface of
-        which that is most."""
+        """Paths of the double bounces `visible` at each of the `sample_times` [s], with delays at `knots` [s]; None
+        where all are below the tolerance. Also the largest error of a surface, relative to its `reference_level`
+        (moving surface,), or (1,) for the static scene: geometrical optics and what is left out."""
         found, worst = self.strong(visible, reference_level)
         if not any(len(each) for each in found):
             return None, worst
@@ -174,7 +162,7 @@ class CurvedReflections:
     def strong(
         self, visible: Sequence[DoubleBounceVisibility], reference_level: FloatArray
     ) -> tuple[list[DoubleBounces], float]:
-        """Of what was `visible` at some instants all that is not too weak, and the error, as of :meth:`trace`."""
+        """Double bounces above the tolerance at each sample time, and the error, as of :meth:`trace`."""
         most = self._reference_levels(reference_level)
         found = [each.double_bounces for each in visible]
         level, off = np.max(
@@ -196,7 +184,7 @@ class CurvedReflections:
         return SmoothedSurface.joined([*self._recent_surfaces[:first], *(SmoothedSurface.one(*each) for each in moved)])
 
     def _curvatures(self, surface_model: SmoothedSurface, facet: NDArray[np.int64]) -> FloatArray:
-        """(n, 3, 3, 3) how normals turn at the corners of faces `facet` (n,) of the ray scene [1/m]."""
+        """(n, 3, 3, 3) change of normals at the corners of faces `facet` (n,) of the ray scene [1/m]."""
         found = np.zeros((len(facet), 3, 3, 3))
         for number in np.unique(self._whose[facet]).tolist():
             lane, own = np.flatnonzero(self._whose[facet] == number), self._every[number]
@@ -206,7 +194,7 @@ class CurvedReflections:
         return found
 
     def _reference_levels(self, reference_level: FloatArray) -> FloatArray:
-        """(surface,) direct returns that errors are relative to: of what stays in the world the strongest one's."""
+        """(surface,) direct returns that errors are relative to; of surfaces at rest in the world the strongest."""
         count, first = len(self._every), len(self._surfaces.static)
         found = np.zeros(count)
         found[first:] = reference_level if first < count else found[first:]
@@ -215,16 +203,15 @@ class CurvedReflections:
         return found
 
     def _stronger(self, double_bounces: DoubleBounces, reference_level: FloatArray) -> NDArray[np.intp]:
-        """(glint,) number of that of its two surfaces that returns more directly."""
+        """(double bounce,) surface of larger direct return."""
         of = self._whose[double_bounces.facet].astype(np.intp)
         return np.where(reference_level[of[:, 1]] > reference_level[of[:, 0]], of[:, 1], of[:, 0])
 
     def _levels(
         self, double_bounces: DoubleBounces, reference_level: FloatArray, stationary_phase_error: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """(surface,) what the glints of each return at most, the stronger one counting, for the phase centre in the
-        middle of the band, times the pattern, and what they may be off by, each with
-        a `stationary_phase_error` (double bounce,) of its own."""
+        """(surface,) returns of double bounces at the band's centre with element pattern, counted for the stronger
+        surface, and their errors from the `stationary_phase_error` (double bounce,)."""
         found, off = np.zeros((2, len(self._every)))
         if len(double_bounces) == 0:
             return found, off
@@ -242,7 +229,7 @@ class CurvedReflections:
         return found, off
 
     def _received(self, arrival: ArrivingWave, route: Route, frequency: float) -> ComplexArray:
-        """(glint,) gain without the propagation phase of the arrival's length."""
+        """(double bounce,) gain without the propagation phase."""
         send, receive = self._elements.fields
         field = polarised_field(send, arrival, route, self._optics, frequency)
         across = receive - (arrival.ray @ receive)[:, None] * arrival.ray
@@ -250,7 +237,7 @@ class CurvedReflections:
         return np.asarray(SPEED_OF_LIGHT / (4 * np.pi * frequency) * np.einsum("gi,gi->g", field, across))
 
     def _middle(self, double_bounces: DoubleBounces) -> ArrivingWave:
-        """Ways of the phase centre."""
+        """Paths of the phase centre."""
         place = self._elements.position
         return double_bounces.arrival(self._whose, place, place, self._optics)[0]
 
@@ -260,18 +247,18 @@ class CurvedReflections:
     def _at_time(
         self, double_bounces: DoubleBounces, t: float, positions: Positions
     ) -> tuple[DoubleBounces, ArrivingWave]:
-        """The places and the way of glints at `t` [s], near the instant that they were seen at."""
+        """Double bounces and paths moved to the time `t` [s]."""
         stand = [*self._surfaces.static_vertices, *positions(t)]
         there = double_bounces.transported(SmoothedSurface.some(self._every, stand, double_bounces.facet.T.reshape(-1)))
         return there, self._middle(there)
 
     def _tracks(self, sample_times: FloatArray, found: Sequence[DoubleBounces], positions: Positions) -> _Tracks:
-        """Which glints go on from instant to instant."""
+        """Double bounces linked from sample time to sample time."""
         entry = [np.arange(len(found[0]))[:, None]]
         for k in range(1, len(found)):
             t = 0.5 * float(sample_times[k - 1] + sample_times[k])
             before, after = (self._at_time(each, t, positions) for each in found[k - 1 : k + 1])
-            # Ways count so much that who is near by them is near enough.
+            # Path lengths are scaled so that one distance bounds both.
             scale = TRACK_DISTANCE / (TRACK_WAVELENGTHS * self._radar.wavelength)
             places = [
                 np.column_stack([there.point.reshape(-1, 6), scale * arrival.length])
@@ -292,9 +279,8 @@ class CurvedReflections:
     def paths(
         self, knots: FloatArray, sample_times: FloatArray, found: Sequence[DoubleBounces], positions: Positions
     ) -> RadarPaths:
-        """Those of glints that were `found` at the `sample_times` [s], as of :meth:`trace`: of each that goes on both
-        ways
-        round, one way's after the other's."""
+        """Paths of the double bounces `found` at the `sample_times` [s], as of :meth:`trace`: all in one direction,
+        then in the other."""
         tracks, elements = self._tracks(sample_times, found, positions), self._elements
         count = len(tracks.first)
         late = self._optics.table.round_trip_lengths
@@ -310,7 +296,7 @@ class CurvedReflections:
             a, way = self._of_pairs(each.take(tracks.entry[lane, k]), u)
             column = np.concatenate([lane, lane + count])
             gains[..., column, k], extra[..., column, k] = a, way
-        for k in range(len(sample_times)):  # before a track begins and after it ends as it is there
+        for k in range(len(sample_times)):  # constant before a track begins and after it ends
             near = np.tile(np.clip(k, tracks.first, tracks.last), 2)
             off = np.flatnonzero(near != k)
             extra[..., off, k] = extra[..., off, near[off]]
@@ -329,8 +315,8 @@ class CurvedReflections:
         return self._labelled(found, tracks, knots, gains, tau, rate, first, last)
 
     def _of_pairs(self, double_bounces: DoubleBounces, u: FloatArray) -> tuple[ComplexArray, FloatArray]:
-        """Gains (order, tx, rx, path) of all element pairs, and by how much their ways are longer than the phase
-        centre's (tx, rx, path) [m]; of each glint both ways round, one way's after the other's."""
+        """Gains (order, tx, rx, path) of all element pairs and the excess (tx, rx, path) [m] of their path lengths over
+        the phase centre's; all double bounces in one direction, then in the other."""
         elements, count = self._elements, len(double_bounces)
         shape = len(elements.tx), len(elements.rx), 2 * count
         both = DoubleBounces.concatenate([double_bounces, double_bounces.reverse()]).take(
@@ -352,10 +338,8 @@ class CurvedReflections:
         tracks: _Tracks,
         positions: Positions,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(track, knot) ways there and back [m] and directions (track, knot, 3) to the first and the last place.
-
-        Between instants they go over from what either of them tells to what the other does; where a track has not
-        begun, or has ended, they go straight on."""
+        """Path lengths (track, knot) [m] and directions (track, knot, 3) to the first and the second point. Blended
+        linearly between sample times, extrapolated linearly outside the track."""
         shape = len(tracks.first), len(knots)
         way, ends = np.zeros(shape), np.zeros((2, *shape, 3))
         for k, double_bounces in enumerate(found):
@@ -371,7 +355,7 @@ class CurvedReflections:
                 slope[tracks.entry[overshoot, k]] = (after - before) / (2 * RATE_STEP)
             for j, t in enumerate(knots.tolist()):
                 weight = _hat_weight(sample_times, k, t)
-                # Those that have not begun, or have ended, count with what the missing instants would.
+                # The first and last sample time of a track stand for those outside.
                 share = sum(
                     (_hat_weight(sample_times, other, t) * (np.clip(other, tracks.first, tracks.last) == k)
                      for other in range(len(sample_times))), np.zeros(shape[0]),
@@ -403,7 +387,8 @@ class CurvedReflections:
         first: FloatArray,
         last: FloatArray,
     ) -> RadarPaths:
-        """The paths; each is of the surface that it comes back from, or of the other one if that stays in the world."""
+        """The paths; each is of the surface that it returns from, or of the other one where that is at rest in the
+        world."""
         places = [found[k].facet[tracks.entry[n, k]] for n, k in enumerate(tracks.first.tolist())]
         pairs = np.array(places, np.int64).reshape(-1, 2)
         facet = np.concatenate([pairs[:, 1], pairs[:, 0]])

@@ -1,5 +1,4 @@
-"""Where glints are: on pairs of pieces of bent surfaces that may show one another Newton's method finds the places, and
-rays tell whether anything is in between."""
+"""Search of specular double bounces: Newton's method on candidate pairs of surface patches, then visibility rays."""
 
 from __future__ import annotations
 
@@ -19,36 +18,35 @@ from rfgen_sionna.tracing.curved.specular_points import find_specular_points
 from rfgen_sionna.tracing.curved.surface_patches import PatchSubdivision
 
 GAP, STEEP = 1e-4, 0.3
-"""Rays from surface to surface leave this far above it [m], and what they meet as far above the other is that one, to
-which they fall at this cosine at least."""
+"""Height [m] of ray origins above a surface; least cosine of incidence that such heights are divided by."""
 MIN_SEPARATION = 2.0
-"""Wavelengths that both places are apart at least: in a crease of a body rays mean nothing."""
+"""Least distance of both points [wavelengths]: rays are meaningless in a crease of a body."""
 MAX_OVERSHOOT_WAVELENGTHS = 2.0
-"""Wavelengths that places lie beyond their faces at most, where these go on smoothly."""
+"""Most distance of a point outside its face, on a smooth continuation [wavelengths]."""
 SAME_POINT, SAME_BOUNCE = 1e-6, 1e-3
-"""Places as near to each other as that are found by different halves of the same faces, and glints of neighbouring
-faces are one [m]."""
+"""Distances [m] of equal points, found on halves of the same faces, and of equal double bounces on neighbouring faces.
+"""
 
 
 class DoubleBounceSearch:
-    """Looks for glints at an instant.
+    """Finds double bounces at one time.
 
     Parameters
     ----------
-    skin, rays
-        The surfaces as they stand.
+    surface_model, rays
+        The surfaces at that time.
     source
         (3,) phase centre of the radar [m].
     wanted
-        (face,) which faces of the ray scene count.
+        (face,) candidate faces of the ray scene.
     max_range
-        Half the length of the longest way that counts [m].
+        Half the longest path length [m].
     wavelength
         [m]
-    tells
-        (face,) of which there has to be one on a glint's way.
-    bends
-        Faces (n,) to how normals turn at their corners (n, 3, 3, 3) [1/m].
+    required
+        (face,) faces of which at least one is on each path.
+    curvatures
+        From faces (n,) to the change of normals at their corners (n, 3, 3, 3) [1/m].
     """
 
     def __init__(
@@ -70,7 +68,7 @@ class DoubleBounceSearch:
         """Rays sent so far."""
 
     def find(self) -> DoubleBounces:
-        """All glints, each once."""
+        """All double bounces, each once."""
         surface_model, source = self._smoothed, self._source
         subdivision = PatchSubdivision(surface_model, source, np.flatnonzero(self._wanted))
         size = lengths(surface_model.corners[:, [1, 2, 0]] - surface_model.corners).max(axis=1, initial=0.0)
@@ -88,9 +86,8 @@ class DoubleBounceSearch:
     def _visible(
         self, facet: NDArray[np.int64], weights: FloatArray, overshoot: FloatArray, miss: FloatArray
     ) -> DoubleBounces:
-        """Of places (glint, 2, 3) on faces `facet` (glint, 2), which lie about `overshoot` (glint,) [m] these and
-        `miss`
-        (glint,) by so much [rad], those that the source sees, and that see each other, each once."""
+        """Visible ones of the points (n, 2, 3) on faces `facet` (n, 2), each once. They lie about `overshoot` (n,) [m]
+        outside their faces and miss by `miss` (n,) [rad]."""
         surface_model, source, count = self._smoothed, self._source, len(facet)
         reverse = facet[:, 0] > facet[:, 1]
         facet[reverse], weights[reverse] = facet[reverse][:, ::-1], weights[reverse][:, ::-1]
@@ -103,7 +100,7 @@ class DoubleBounceSearch:
         total = way + lengths(point - source).sum(axis=1)
         counts = (way >= self._limits.shortest) & (total <= self._limits.longest) & (overshoot < self._max_overshoot)
         kept = np.flatnonzero(counts)
-        # Halves of the same faces have the same glint, and neighbours do: what is true of the best of them counts.
+        # Halves of a face and neighbouring faces share a double bounce: the best one stays.
         kept = kept[np.lexsort((miss[kept], overshoot[kept]))]
         alike = np.round(point[kept].reshape(-1, 6) / SAME_POINT).astype(np.int64)
         kept = kept[np.sort(np.unique(alike, axis=0, return_index=True)[1])]
@@ -123,8 +120,8 @@ class DoubleBounceSearch:
         outside: NDArray[np.bool_],
         overshoot: FloatArray,
     ) -> NDArray[np.bool_]:
-        """(glint,) whether the source sees each `place` (glint, 3) [m] of the plane of a face. `outside` (glint,) that
-        by no more than `overshoot` (glint,) [m], it has to see a face there that goes on smoothly."""
+        """(n,) whether the source sees each `place` (n, 3) [m] in the plane of a face. A point `outside` (n,) its face,
+        by at most `overshoot` (n,) [m], needs a visible face of the same smooth sheet."""
         visible, within = np.zeros(len(place), np.bool_), ~outside
         self.sent += len(place)
         if within.any():
@@ -140,12 +137,12 @@ class DoubleBounceSearch:
         return visible
 
     def _rise(self, facet: NDArray[np.int64]) -> FloatArray:
-        """How far above faces of any shape what stands off their smooth surface may be taken to be [m]."""
+        """Height of ray origins above the smooth surface of faces [m]."""
         return np.asarray(GAP + 2.0 * lengths(self._smoothed.sagittas[facet]).max(axis=-1, initial=0.0))
 
     def _mutually_visible(self, facet: NDArray[np.int64], point: FloatArray, normal: FloatArray) -> NDArray[np.bool_]:
-        """(glint,) whether a ray goes from either place to the other. The smooth surface lies off the triangles: rays
-        start above both, and what they meet as near to the other place belongs to that."""
+        """(n,) whether a ray joins both points, in either direction. The smooth surface is off the triangles: rays
+        start above one point, and a hit within that height of the other belongs to it."""
         free = np.zeros(len(facet), np.bool_)
         rise = self._rise(facet)
         for here, there in ((0, 1), (1, 0)):
@@ -159,7 +156,7 @@ class DoubleBounceSearch:
             hit = self._rays.first_hit(start, span / reach[:, None])
             near = reach - hit.distance < rise[lane, there] / np.maximum(fall, STEEP)
             own = self._smoothed.sheet[np.maximum(hit.facet, 0)] == self._smoothed.sheet[facet[lane, there]]
-            # The mesh may leave a place of the smooth surface free, and the ray goes on to what is behind.
+            # The mesh may lie below the smooth surface, and the ray passes the point.
             free[lane] = (hit.distance >= reach) | (near & own) | (hit.facet == facet[lane, there])
             self.sent += len(lane)
         return free
@@ -167,11 +164,11 @@ class DoubleBounceSearch:
     def _with_curvature(
         self, facet: NDArray[np.int64], place: FloatArray, point: FloatArray, normal: FloatArray
     ) -> DoubleBounces:
-        """Glints (glint, 2), ... with how their surfaces bend."""
+        """Double bounces with curvatures and their gradients."""
         face, across = facet.reshape(-1), normal.reshape(-1, 3)
         own = self._curvatures(face)
         outward = np.einsum("ni,ni->n", unit_normals(self._smoothed, face, place.reshape(-1, 3)), across)
-        own = own * np.sign(outward)[:, None, None, None]  # positive where they bulge towards the ray
+        own = own * np.sign(outward)[:, None, None, None]  # positive where convex towards the ray
         curvature = tangential(np.einsum("nc,ncij->nij", place.reshape(-1, 3), own), across)
         curvature_gradient = _curvature_gradients(self._smoothed.corners[face], own)
         return DoubleBounces(
@@ -180,8 +177,8 @@ class DoubleBounceSearch:
 
 
 def _distinct(points: FloatArray, overshoot: FloatArray) -> NDArray[np.intp]:
-    """Which of the pairs of `points` (glint, 2, 3) [m], the best ones first, to keep, each once: neighbouring faces
-    have the same ones, of which what lies `overshoot` (glint,) [m] one of them is a little elsewhere."""
+    """Indices of the pairs of `points` (n, 2, 3) [m], best first, without duplicates from neighbouring faces; points
+    `overshoot` (n,) [m] outside their face are less exact."""
     kept = np.ones(len(points), np.bool_)
     if len(points) > 1:
         slack = 2.0 * overshoot
@@ -196,9 +193,8 @@ def _distinct(points: FloatArray, overshoot: FloatArray) -> NDArray[np.intp]:
 
 
 def _curvature_gradients(corners: FloatArray, curvatures: FloatArray) -> FloatArray:
-    """(face, 3, 3, 3) gradient over each face, its first axis, [1/m^2] of the `curvatures` (face, 3, 3, 3) at its
-    `corners`
-    (face, 3, 3) [m]."""
+    """(face, 3, 3, 3) gradient over each face, first axis, of `curvatures` (face, 3, 3, 3) at `corners` (face, 3, 3)
+    [1/m^2]."""
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     square = np.maximum((across**2).sum(axis=1), 1e-300)[:, None]
     found = np.zeros((len(corners), 3, 3, 3))

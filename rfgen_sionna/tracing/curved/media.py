@@ -1,4 +1,4 @@
-"""What surfaces do to a field, in NumPy: Fresnel's coefficients of half-spaces and slabs."""
+"""Reflection of a field by surfaces, in NumPy: Fresnel coefficients of half-spaces and slabs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rfgen_sionna.tracing.integral.slabs import SlabTable
 
 @dataclass(frozen=True)
 class SurfaceOptics:
-    """The materials of all surfaces for a band `half_band` [Hz] to both sides of `centre` [Hz]."""
+    """Materials of all surfaces for the band `centre` ± `half_band` [Hz]."""
 
     materials: tuple[Material, ...]
     centre: float
@@ -28,10 +28,11 @@ class SurfaceOptics:
         return SurfaceOptics(tuple(materials), centre, half_band, SlabTable.of(materials, centre, half_band))
 
     def reflection(self, of: IntArray, cos: FloatArray, frequency: float) -> tuple[ComplexArray, ComplexArray]:
-        """r_s and r_p of the coherent field at incidence `cos` (lane,) on material number `of` (lane,).
+        """r_s and r_p of the coherent field at cosine of incidence `cos` (lane,) on material `of` (lane,), at
+        `frequency` [Hz].
 
-        With a conductor they are -1 and 1; a slab's two faces and all that goes between them count where the band does
-        not tell their echoes apart, and rough surfaces keep sqrt(1 - S^2).
+        Conductors have -1 and 1. A slab's internal reflections are included where the band does not resolve them; rough
+        surfaces keep sqrt(1 - S^2).
         """
         media = Media.at(self.materials, np.array([frequency]), self.half_band)
         r_s, r_p = np.full(len(of), -1.0 + 0j), np.full(len(of), 1.0 + 0j)
@@ -58,8 +59,8 @@ class SurfaceOptics:
 
 
 def polarisation_bases(k: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """cos (lane,) of the angle between unit vectors `k` and the surface's normal, and unit vectors s and p (lane, 3)
-    across and in the plane of incidence, p = s x k."""
+    """Cosine of incidence (lane,) of unit vectors `k` on the `normal`, and unit vectors s and p (lane, 3) across and in
+    the plane of incidence, p = s x k."""
     cos = np.clip(np.abs(np.einsum("li,li->l", k, normal)), 0.0, 1.0)
     s = np.cross(k, normal)
     size = lengths(s)
@@ -71,14 +72,14 @@ def polarisation_bases(k: FloatArray, normal: FloatArray) -> tuple[FloatArray, F
 
 
 def reflected_direction(k: FloatArray, normal: FloatArray) -> FloatArray:
-    """Directions (lane, 3) after reflection."""
+    """Directions (lane, 3) after reflection of `k` (lane, 3) at `normal` (lane, 3)."""
     return np.asarray(k - 2.0 * np.einsum("li,li->l", k, normal)[:, None] * normal)
 
 
 def reflected(
     field: ComplexArray, k: FloatArray, normal: FloatArray, r_s: ComplexArray, r_p: ComplexArray
 ) -> tuple[ComplexArray, FloatArray]:
-    """Field and direction (lane, 3) after reflection of a plane wave."""
+    """Field and direction (lane, 3) after reflection of a plane wave with coefficients `r_s`, `r_p` (lane,)."""
     _, s, p = polarisation_bases(k, normal)
     after = reflected_direction(k, normal)
     along_s, along_p = np.einsum("li,li->l", field, s), np.einsum("li,li->l", field, p)

@@ -1,10 +1,9 @@
-"""Pairs of pieces of bent surfaces that a ray from the radar may go by way of and come back.
+"""Candidate pairs of surface patches for a specular double bounce.
 
-Where rays go from a piece is known to within twice what its normals turn by, and where another piece lies, seen from
-it, to within a ball around each. A pair is none where one of the two lies where the other sends no ray to, where rays
-that leave both do not go opposite ways, or where one rises less above the other than rays that leave that. No ray is
-sent: first blocks of pieces are held against each other, then the pieces of those that are left, then ever smaller
-halves of these.
+Directions of rays from a patch are known within twice the turn of its normals, directions to another patch within a
+ball around each. A pair is excluded where one patch lies outside the rays of the other, where rays that leave both are
+not opposite, or where one rises less above the other than rays that leave that. No ray is sent: blocks of patches are
+tested first, then their patches, then halves of these.
 """
 
 from __future__ import annotations
@@ -28,35 +27,34 @@ from rfgen_sionna.tracing.curved.surface_patches import (
 )
 
 MAX_SPREAD = 0.25
-"""Pairs are halved until directions are known to this [rad]: over less, misses are about linear."""
+"""Directions are refined to this spread [rad], over which misses are about linear."""
 MIN_PATCH_SIZE = 1 / 64
-"""No pieces are halved that are smaller than this share of how far apart places are at least: where normals of a face
-are all but opposite they turn over the smallest of pieces, and around the radar rays go anywhere."""
+"""Smallest patch that is halved, as a share of the least distance of both points: opposite normals of a face turn over
+the smallest patch, and near the radar any direction is possible."""
 BLOCK_FANOUT, MAX_BLOCKS = 2, 256
-"""Blocks have so many parts each, and this many there are to begin with, at most."""
+"""Parts of each block, and most blocks of the first level."""
 BATCH = 1 << 21
-"""Pairs that are looked at together."""
+"""Pairs per batch, which bounds memory."""
 _COSINE_ROUNDING = 1e-6
-"""What single precision rounds cosines by, and more: there is always an angle of less than half a turn."""
+"""Above the rounding of cosines in single precision."""
 
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
-"""(pair,) numbers of either piece."""
+"""(pair,) numbers of both patches."""
 
 
 @dataclass(frozen=True)
 class PathLimits:
-    """Which ways count."""
+    """Limits of the path."""
 
     shortest: float
-    """How far apart both places are at least [m]."""
+    """Least distance of both points [m]."""
     longest: float
-    """How long the way there and back is at most [m]."""
+    """Most path length, out and back [m]."""
 
 
 def candidate_pairs(subdivision: PatchSubdivision, required: NDArray[np.bool_], limits: PathLimits) -> Iterator[Pairs]:
-    """Pairs of pieces, `MAX_SPREAD` known, that may show one another, some at a time, of which one at least is on a
-    face
-    that `required` (face,)."""
+    """Pairs of patches with directions within `MAX_SPREAD`, in batches; at least one of each is on a `required` (face,)
+    face."""
     waiting = [_initial_pairs(subdivision, required[subdivision.pieces.facet], limits)]
     while waiting:
         one, other = waiting.pop()
@@ -77,7 +75,7 @@ def candidate_pairs(subdivision: PatchSubdivision, required: NDArray[np.bool_], 
             small = [each[~known] for each in small]
         if len(one) == 0:
             continue
-        # The one of both over which more changes is halved.
+        # The patch of larger spread is halved.
         near = np.maximum(apart, limits.shortest)
         own, there = (
             np.where(tiny, -np.inf, pieces.spread[each] + 2.0 * pieces.radius[each] / near)
@@ -91,8 +89,7 @@ def candidate_pairs(subdivision: PatchSubdivision, required: NDArray[np.bool_], 
 
 
 def _initial_pairs(subdivision: PatchSubdivision, required: NDArray[np.bool_], limits: PathLimits) -> Pairs:
-    """Pairs of the pieces that there are to begin with, by blocks of them; `required` (piece,) as of
-    :func:`candidate_pairs`."""
+    """Candidate pairs of the whole faces, by blocks; `required` (patch,)."""
     pieces = subdivision.pieces
     order, count = _ordered(pieces, required), len(pieces)
     width = BLOCK_FANOUT
@@ -123,11 +120,10 @@ def _initial_pairs(subdivision: PatchSubdivision, required: NDArray[np.bool_], l
 
 
 def _ordered(pieces: SurfacePatches, required: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """The pieces so that neighbours in place, from which rays go alike, are side by side: blocks of 2, 4, 8, ... of
-    them each are the halves of larger ones. Those that tell are first."""
+    """Patches ordered by nested blocks of 2, 4, 8, ... with similar positions and directions; required ones first."""
     size = max(float(np.ptp(pieces.middle, axis=0).max(initial=0.0)), 1e-9)
     places = np.column_stack([~required, pieces.out, 2.0 * pieces.middle / size])
-    places[:, 0] *= 10.0  # no block has some that tell and some that do not but where it must
+    places[:, 0] *= 10.0  # blocks mix required and other patches only where they must
     order = np.arange(len(pieces))
     width = 1 << max(int(np.ceil(np.log2(max(len(order), 1)))), 0)
     while width > 1:
@@ -141,7 +137,7 @@ def _ordered(pieces: SurfacePatches, required: NDArray[np.bool_]) -> NDArray[np.
 
 
 def _blocks(pieces: SurfacePatches, order: NDArray[np.intp], first: NDArray[np.intp]) -> NDArray[np.float32]:
-    """(block, COLUMNS) what holds for all the pieces of blocks that begin at `first` (block,) in their `order`."""
+    """(block, COLUMNS) bounds of the patches of blocks that begin at `first` (block,) in their `order`."""
     counts = np.diff(np.append(first, len(order)))
     whole = np.repeat(np.arange(len(first)), counts)
     places, out = pieces.middle[order], pieces.out[order]
@@ -158,7 +154,7 @@ def _blocks(pieces: SurfacePatches, order: NDArray[np.intp], first: NDArray[np.i
 
 
 def _visible_pairs(rows: NDArray[np.float32], pairs: Pairs, limits: PathLimits) -> Pairs:
-    """Those of the pairs of pieces with these `rows` (piece, COLUMNS) that may show one another."""
+    """The candidates among pairs of patches with `rows` (patch, COLUMNS)."""
     if len(pairs[0]) == 0:
         return pairs
     if len(pairs[0]) > BATCH:
@@ -183,7 +179,7 @@ def _visible_pairs(rows: NDArray[np.float32], pairs: Pairs, limits: PathLimits) 
 
 
 def _may_reflect(given: dict[str, Any]) -> None:
-    """The kernel of :func:`_visible_pairs`."""
+    """Kernel of :func:`_visible_pairs`."""
     dr, types = drjit_types()
     shortest, longest = given["limits"]
     p, q = (

@@ -1,8 +1,5 @@
-"""The smooth surface under a mesh: quadratic patches over triangles (:mod:`rfgen_sionna.tracing.surface.smoothing`),
-their normals and how these turn.
-
-Faces that join smoothly are one *sheet*.
-"""
+"""Smooth surface of a mesh: quadratic patches over triangles (:mod:`rfgen_sionna.tracing.surface.smoothing`), normals
+and curvatures. Faces that join smoothly form one sheet."""
 
 from __future__ import annotations
 
@@ -21,35 +18,35 @@ from rfgen_sionna.tracing.surface.quadratic_patch import edge_sagittas
 from rfgen_sionna.tracing.surface.surfaces import Surface
 
 _FLAT = 1e-3
-"""Sheets whose faces turn by less [rad] are plane."""
+"""Turn of the normals below which a sheet is plane [rad]."""
 _WELD = 1e-6
-"""Vertices closer than this [m] are one, as far as neighbours are concerned."""
+"""Distance below which vertices are one [m]."""
 
 
 @dataclass(frozen=True)
 class SmoothedSurface:
-    """All faces of a scene at an instant, numbered as in the ray scene."""
+    """All faces of a scene at one time, numbered as in the ray scene."""
 
     corners: FloatArray
     """(facet, 3, 3) [m]"""
     normals: FloatArray
     """(facet, 3, 3) unit normals at the corners."""
     sagittas: FloatArray
-    """(facet, 3, 3) by how much the middle of the edge opposite each corner lies off its chord [m]."""
+    """(facet, 3, 3) distance of the middle of the edge opposite each corner from its chord [m]."""
     sheet: IntArray
     """(facet,) number of the smooth sheet."""
     plane: NDArray[np.bool_]
-    """(sheet,) whether it is flat."""
+    """(sheet,) whether it is plane."""
 
     @staticmethod
     def one(surface: Surface, vertices: FloatArray, like: SmoothedSurface | None = None) -> SmoothedSurface:
-        """Of one surface. `like` is its skin at another time, whose sheets it has."""
+        """Of one surface with `vertices` (vertex, 3) [m]; `like` is the same surface at another time, for its
+        sheets."""
         return _smoothed(surface, np.asarray(vertices, np.float64), like)
 
     @staticmethod
     def some(surfaces: Sequence[Surface], vertices: Sequence[FloatArray], facet: NDArray[np.int64]) -> SmoothedSurface:
-        """Of some faces alone, `facet` (n,) of the ray scene, numbered as they come: where they are, without how their
-        normals turn; all of one sheet."""
+        """Of the faces `facet` (n,) of the ray scene alone, in that order, without sheets."""
         count = len(facet)
         corners, normals, sagittas = (np.zeros((count, 3, 3)) for _ in range(3))
         for surface, points in zip(surfaces, vertices, strict=True):
@@ -69,7 +66,7 @@ class SmoothedSurface:
 
     @staticmethod
     def joined(parts: Sequence[SmoothedSurface]) -> SmoothedSurface:
-        """The skins of all surfaces, in their order."""
+        """All surfaces, in order."""
         first = np.cumsum([0] + [len(part.plane) for part in parts])
         return SmoothedSurface(
             np.concatenate([part.corners for part in parts]),
@@ -80,15 +77,15 @@ class SmoothedSurface:
         )
 
     def places(self, facet: NDArray[np.int64], weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(place, 3) on the mesh and on the smooth surface [m], at barycentric coordinates `weights` (place, 3) of
-        faces `facet` (place,)."""
+        """Points (point, 3) on the mesh and on the smooth surface [m], at barycentric coordinates `weights` (point, 3)
+        of faces `facet` (point,)."""
         flat = np.einsum("pc,pci->pi", weights, self.corners[facet])
         pairs = weights[:, [1, 2, 0]] * weights[:, [2, 0, 1]]
         return flat, flat + 4.0 * np.einsum("pc,pci->pi", pairs, self.sagittas[facet])
 
 
 def tangential(curvature: FloatArray, normal: FloatArray) -> FloatArray:
-    """(n, 3, 3) tensors across `normal` (n, 3) alone."""
+    """(n, 3, 3) tensors projected across `normal` (n, 3)."""
     flat = np.eye(3) - normal[:, :, None] * normal[:, None, :]
     return np.asarray(flat @ curvature @ flat)
 
@@ -116,9 +113,8 @@ def _smoothed(surface: Surface, vertices: FloatArray, like: SmoothedSurface | No
 
 
 def corner_curvatures(surface: Surface, corners: FloatArray, normals: FloatArray, face: NDArray[np.intp]) -> FloatArray:
-    """(n, 3, 3, 3) how the normal turns at the corners of some faces `face` (n,) of a surface [1/m], all of whose faces
-    have `corners` [m] and `normals` (face, 3, 3): the mean of all faces around a corner, by area, the same from face
-    to face."""
+    """(n, 3, 3, 3) change of the normal at the corners of the faces `face` (n,) of a surface [1/m]: mean of the faces
+    around a corner, by area. `corners` [m] and `normals` (face, 3, 3) are of all its faces."""
     if surface.smooth is None:
         return np.zeros((len(face), 3, 3, 3))
     gather = surface.smooth.gather
@@ -136,7 +132,7 @@ def corner_curvatures(surface: Surface, corners: FloatArray, normals: FloatArray
 
 
 def _curvatures(corners: FloatArray, normals: FloatArray, across: FloatArray) -> FloatArray:
-    """(face, 3, 3) symmetric tensors that take steps along a face to how much the normal turns."""
+    """(face, 3, 3) symmetric tensors from steps along a face to the change of the normal."""
     edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
     turns = np.stack([normals[:, 1] - normals[:, 0], normals[:, 2] - normals[:, 0]], axis=2)
     gram = edges.transpose(0, 2, 1) @ edges

@@ -1,5 +1,4 @@
-"""Where on two pieces of bent surfaces a ray goes by way of both and comes back: Newton's method, on Dr.Jit's float64
-arrays (LLVM or CUDA)."""
+"""Specular points on two surface patches: Newton's method on Dr.Jit's float64 arrays (LLVM or CUDA)."""
 
 from __future__ import annotations
 
@@ -13,31 +12,32 @@ from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.tracing.curved.smoothed_surface import SmoothedSurface
 
 NEWTON_STEPS = 10
+"""Most steps: convergence is quadratic, and slow pairs near a fold get a few more."""
 CONVERGED = 1e-7
-"""Miss at which Newton's method ends [rad]."""
+"""Miss at which the iteration ends [rad]."""
 MAX_MISS = 1e-3
-"""Miss of what counts as found [rad]."""
+"""Largest miss of a specular point [rad]."""
 MAX_STEP_OVERSHOOT = (4.0, 2.0, 1.0)
-"""How far beyond a piece its place may be after the first step, the second, and the further ones, in its barycentric
-coordinates; whatever is further belongs to another pair."""
+"""Most overshoot beyond a patch after the first, the second, and later steps, in its barycentric coordinates; points
+farther out belong to another pair."""
 MAX_FACE_OVERSHOOT = 0.2
-"""How far it may lie beyond its face in the end, in that one's coordinates: normals go on from face to face, but not
-how they turn, so that of a fold neither of two faces may have it, where the smooth surface is about to."""
+"""Most final overshoot beyond a face, in its coordinates: curvature jumps between faces, and a point near an edge may
+be on neither of them."""
 _DAMPING = 1e-12
-"""Of what the equations' matrix has on its diagonal: a hollow ball has places all along a ring."""
+"""Damping relative to the matrix's trace: a hollow ball has a ring of specular points."""
 
 
 class SpecularPoints(NamedTuple):
-    """SpecularPoints by way of which rays come back."""
+    """Specular points on pairs of patches."""
 
     pair: NDArray[np.intp]
-    """(place,) which of the pairs each is of."""
+    """(point,) pair of each."""
     weights: FloatArray
-    """(place, 2, 3) barycentric coordinates on either face."""
+    """(point, 2, 3) barycentric coordinates on both faces."""
     miss: FloatArray
-    """(place,) by how much a ray does [rad]."""
+    """(point,) miss of the ray [rad]."""
     overshoot: FloatArray
-    """(place,) how far the worse of both lies beyond its face, in the coordinates of that; below 0 within."""
+    """(point,) overshoot beyond the face in its coordinates, the larger of both; negative inside."""
 
 
 def find_specular_points(
@@ -46,12 +46,12 @@ def find_specular_points(
     facet: tuple[NDArray[np.int64], NDArray[np.int64]],
     weights: tuple[FloatArray, FloatArray],
 ) -> SpecularPoints:
-    """Of pairs of pieces, of faces `facet` (pair,) with corners at the barycentric coordinates `weights` (pair, corner,
-    vertex), those that hold places by way of which rays from the `source` (3,) [m] come back to it, and the places."""
+    """Specular points of paths from and to the `source` (3,) [m], on pairs of patches: of faces `facet` (pair,), with
+    corners at barycentric coordinates `weights` (pair, corner, vertex)."""
     count = len(facet[0])
     alive, at = np.arange(count), np.full((count, 4), 1 / 3)
     found, misses = at.copy(), np.full(count, np.inf)
-    # Of the faces in use alone, so that kernels get what is needed and no more.
+    # Only faces in use are uploaded.
     used, number = np.unique(np.concatenate(facet), return_inverse=True)
     number = number.reshape(2, count)
     figures = np.concatenate(
@@ -79,7 +79,7 @@ def find_specular_points(
 
 
 def _overshoot(at: FloatArray) -> FloatArray:
-    """(pair,) how far the worse of both places `at` (pair, 4) lies beyond its piece."""
+    """(pair,) overshoot of the points `at` (pair, 4), the larger of both."""
     one, other = at[:, :2], at[:, 2:]
     return np.asarray(-np.minimum.reduce([
         one.min(axis=1, initial=np.inf), 1.0 - one.sum(axis=1),
@@ -90,8 +90,7 @@ def _overshoot(at: FloatArray) -> FloatArray:
 def _newton_step(
     figures: FloatArray, number: NDArray[np.intp], ends: FloatArray, at: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(pair, 4) coordinates after one step of Newton's method from those `at` (pair, 4), and by how much rays miss
-    there (pair,) [rad]."""
+    """(pair, 4) coordinates after one Newton step from `at` (pair, 4), and the miss there (pair,) [rad]."""
     dr, types = drjit_types()
     count = len(at)
     moved, miss = dr.empty(types.Float64, 4 * count), dr.empty(types.Float64, count)
@@ -109,7 +108,7 @@ def _newton_step(
 
 
 def _step_kernel(given: dict[str, Any]) -> None:
-    """The kernel of :func:`_newton_step`."""
+    """Kernel of :func:`_newton_step`."""
     dr, types = drjit_types()
     Float, Array3, lane = types.Float64, types.Array3f64, given["lanes"]
     at = [dr.gather(Float, given["at"], 4 * lane + k) for k in range(4)]
@@ -120,7 +119,7 @@ def _step_kernel(given: dict[str, Any]) -> None:
         def vector(k: int, face: Any = face) -> Any:
             return Array3(*(dr.gather(Float, given["figures"], 27 * face + 3 * k + axis) for axis in range(3)))
 
-        # Corners of the piece, of which the face's second and third coordinates are given.
+        # Corners of the patch, by the face's second and third coordinates.
         ends = [dr.gather(Float, given["ends"], 12 * lane + 6 * side + k) for k in range(6)]
         u, v = at[2 * side], at[2 * side + 1]
         steps = [(ends[2 + 2 * k] - ends[0], ends[3 + 2 * k] - ends[1]) for k in range(2)]
@@ -162,7 +161,7 @@ def _step_kernel(given: dict[str, Any]) -> None:
         return (move - ray * dr.dot(ray, move)) * nearness
 
     away, towards_source = out - ray, back + ray
-    # Of the four columns each has what the two misses change by as one coordinate does.
+    # Each column is the change of both misses with one coordinate.
     columns = [(change + swings(move), -swings(move)) for change, move in zip(changes, here_moves, strict=True)]
     columns += [(-swings(move), change + swings(move)) for change, move in zip(back_changes, there_moves, strict=True)]
     rows = [[dr.dot(column[side], axis) for column in columns] for side in range(2) for axis in axes]
@@ -180,7 +179,7 @@ def _step_kernel(given: dict[str, Any]) -> None:
 
 
 def _solve_cholesky(matrix: list[list[Any]], right: list[Any], dr: Any) -> list[Any]:
-    """Of symmetric equations, a little damped, the solution, by Cholesky's method without roots."""
+    """Solution of damped symmetric equations, by Cholesky's method without roots."""
     count = len(right)
     damping = _DAMPING * sum(matrix[k][k] for k in range(count)) + 1e-30
     lower: list[list[Any]] = [[None] * count for _ in range(count)]

@@ -1,15 +1,14 @@
-"""By how much geometrical optics may be wrong about a glint.
+"""Error of geometrical optics at a specular double bounce.
 
-Where a phase k (h x^2 / 2 + c x^3 / 6 + q x^4 / 24) and an amplitude a (1 + e x^2 / 2 + ...) are stationary together,
-the integral is what h alone makes of it, but for terms of the order of 1 / k, of which the first are stated here: over
-each principal direction of the phase with unit x where the quadratic phase is half a radian,
+At a point with phase k (h x^2 / 2 + c x^3 / 6 + q x^4 / 24) and amplitude a (1 + e x^2 / 2 + ...) the integral follows
+from h alone, up to terms of the order 1 / k. The first of them, over each principal direction with unit x where the
+quadratic phase is half a radian, are
 
     7.5 C^2 -+ 3 Q + E -+ 3 O C,
 
-C, Q being what the way there and back has of cubic and quartic phase at x = 1, O, E what the amplitude changes by,
-oddly and evenly (R. Wong, Asymptotic Approximations of Integrals, 2001, section II.3). Where an edge or a shadow ends
-the surface x away, half of the return is in doubt at x = 0, and sqrt(1 / (2 pi)) / x beyond, the asymptote of Fresnel's
-integral.
+C and Q are the cubic and quartic phase at x = 1, O and E the odd and even change of the amplitude (R. Wong, Asymptotic
+Approximations of Integrals, 2001, section II.3). An edge or shadow at distance x leaves an error of half the return at
+x = 0 and of sqrt(1 / (2 pi)) / x beyond, the asymptote of Fresnel's integral.
 """
 
 from __future__ import annotations
@@ -24,19 +23,18 @@ from rfgen_sionna.tracing.curved.arriving_waves import ArrivingWave, tangents
 from rfgen_sionna.tracing.curved.double_bounces import DoubleBounces
 
 EDGE_OFFSETS = (1.0, 2.0, 4.0)
-"""Where edges are looked for, in units of x."""
+"""Offsets of the edge tests, in units of x."""
 MAX_OFFSET = 0.3
-"""Places stay within this share of the shortest leg from the glint."""
+"""Most offset, as a share of the shortest leg."""
 SURFACE_OFFSET, SURFACE_SLOPE = 2e-3, 0.25
-"""By how much [m], and by what share of how far it is from the glint, the surface may lie elsewhere than its curvature
-says to be there."""
+"""Tolerated distance of the surface from its osculating quadric: constant [m] and share of the offset."""
 
 
 def stationary_phase_errors(
     double_bounces: DoubleBounces, arrival: ArrivingWave, source: FloatArray, wavenumber: float, rays: RayScene
 ) -> FloatArray:
-    """(glint,) relative error of each one's return, 0 … 1, for the phase centre at `source` (3,) [m], from which it has
-    the `arrival`; `wavenumber` is in rad/m, `rays` the ray scene as it stands."""
+    """(double bounce,) relative error of each return, 0 … 1, for the phase centre at `source` (3,) [m] with the
+    `arrival`; `wavenumber` [rad/m]."""
     count = len(double_bounces)
     if count == 0:
         return np.zeros(0)
@@ -48,7 +46,7 @@ def stationary_phase_errors(
     axes = [tangents(double_bounces.normal[:, i]) @ vectors[:, 2 * i : 2 * i + 2] for i in range(2)]
     steps = np.moveaxis(np.stack(axes), 3, 0) * unit.T[:, None, :, None]  # (direction, place, glint, 3)
     length, amplitude = _path_length(double_bounces, np.zeros_like(steps[0]), source)
-    higher = np.where((unit >= most[:, None]).any(axis=1), 1.0, 0.0)  # flat for as far as its curvature is known
+    higher = np.where((unit >= most[:, None]).any(axis=1), 1.0, 0.0)  # flat as far as its curvature is valid
     for along, step in enumerate(steps):
         (there, gain), (back, loss) = (_path_length(double_bounces, sign * step, source) for sign in (1.0, -1.0))
         odd, even = 0.5 * wavenumber * (there - back), wavenumber * (0.5 * (there + back) - length)
@@ -68,13 +66,13 @@ def stationary_phase_errors(
 
 
 def _legs(points: FloatArray, source: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(glint, 3) the three legs by way of `points` (2, glint, 3) [m]."""
+    """(double bounce, 3) the three legs by `points` (2, double bounce, 3) [m]."""
     return points[0] - source, points[1] - points[0], source - points[1]
 
 
 def _displaced(double_bounces: DoubleBounces, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(2, glint, 3) places [m] on the two surfaces, `step` (2, glint, 3) [m] along them from the glints', as far as
-    curvatures and how they change tell, and normals there."""
+    """(2, double bounce, 3) points [m] on the two surfaces at `step` (2, double bounce, 3) [m] from the specular
+    points, by curvature and its gradient, and normals there."""
     points, normals = np.empty_like(step), np.empty_like(step)
     for i, d in enumerate(step):
         turn = np.einsum("gij,gj->gi", double_bounces.curvature[:, i], d)
@@ -92,8 +90,8 @@ def _displaced(double_bounces: DoubleBounces, step: FloatArray) -> tuple[FloatAr
 
 
 def _path_length(double_bounces: DoubleBounces, step: FloatArray, source: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(glint,) the way there and back [m] by places `step` (2, glint, 3) [m] beside the glints', and what a wave has
-    there of amplitude by physical optics' two cosines and the three legs."""
+    """(double bounce,) path length [m] by points at `step` (2, double bounce, 3) [m] from the specular points, and the
+    physical-optics amplitude there: two cosines over three legs."""
     points, normals = _displaced(double_bounces, step)
     spans = _legs(points, source)
     reach = [np.maximum(lengths(each), 1e-9) for each in spans]
@@ -107,8 +105,8 @@ def _path_length(double_bounces: DoubleBounces, step: FloatArray, source: FloatA
 def _on_surfaces(
     double_bounces: DoubleBounces, step: FloatArray, source: FloatArray, rays: RayScene
 ) -> NDArray[np.bool_]:
-    """(glint,) whether the surfaces are there `step` (2, glint, 3) [m] beside the glints, seen from the `source` and
-    from one another."""
+    """(double bounce,) whether both surfaces exist at `step` (2, double bounce, 3) [m], visible from the `source` and
+    from each other."""
     points, normals = _displaced(double_bounces, step)
     margin = SURFACE_OFFSET + SURFACE_SLOPE * np.sqrt((step**2).sum(axis=2)).max(axis=0)
     away, count = points + SURFACE_OFFSET * normals, len(double_bounces)

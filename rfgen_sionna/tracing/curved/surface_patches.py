@@ -1,4 +1,4 @@
-"""Pieces of bent faces, and where rays from the radar go from them: known to within what normals turn by."""
+"""Patches of curved faces, with bounds of the rays that the radar's waves leave them by."""
 
 from __future__ import annotations
 
@@ -15,49 +15,49 @@ from rfgen_sionna.tracing.curved.double_bounces import unit_normals
 from rfgen_sionna.tracing.curved.smoothed_surface import SmoothedSurface
 
 ROUNDING = 2e-3, 1e-5
-"""What single precision rounds directions by, and more [rad], and places over their distance."""
+"""Above the rounding in single precision of directions [rad], and of positions over their distance."""
 NEVER = -1e9
-"""In place of a piece's least cosine: rays may leave it at any angle."""
+"""In place of a patch's least cosine: rays may leave at any angle."""
 COLUMNS = 24
-"""Numbers that kernels know of a piece: middle, radius, outgoing direction, its spread, axis, height of the plane
-across that below all of the piece, least cosine to it that rays leave at, bow, corners, distance."""
+"""Numbers per patch in kernels: centre, radius, outgoing direction, its spread, axis, height of the plane across it
+below all of the patch, least cosine of outgoing rays to it, sagitta, corners, distance."""
 
 
 @dataclass(frozen=True)
 class SurfacePatches:
-    """Pieces of faces; places are relative to the source."""
+    """Patches of faces; positions are relative to the source."""
 
     facet: NDArray[np.int64]
-    """(piece,) face of the ray scene."""
+    """(patch,) face of the ray scene."""
     weights: FloatArray
-    """(piece, corner, vertex) barycentric coordinates of the corners."""
+    """(patch, corner, vertex) barycentric coordinates of the corners."""
     corners: FloatArray
-    """(piece, 3, 3) their places on the smooth surface [m]."""
+    """(patch, 3, 3) corners on the smooth surface [m]."""
     normals: FloatArray
-    """(piece, 3, 3) unit normals there."""
+    """(patch, 3, 3) unit normals there."""
     middle: FloatArray
-    """(piece, 3) of a ball around it [m]."""
+    """(patch, 3) centre of a ball around it [m]."""
     radius: FloatArray
-    """(piece,) [m]"""
+    """(patch,) [m]"""
     out: FloatArray
-    """(piece, 3) unit vector in which rays go on, about."""
+    """(patch, 3) unit vector, mean direction of outgoing rays."""
     spread: FloatArray
-    """(piece,) by how much they may differ from that [rad]."""
+    """(patch,) most angle of outgoing rays to it [rad]."""
     rows: NDArray[np.float32]
-    """(piece, COLUMNS) for kernels, in single precision, rounded to the safe side."""
+    """(patch, COLUMNS) for kernels, in single precision, rounded to the safe side."""
 
     @staticmethod
     def of(
         surface_model: SmoothedSurface, source: FloatArray, facet: NDArray[np.int64], weights: FloatArray
     ) -> SurfacePatches:
-        """Of faces `facet` (piece,), with corners at barycentric coordinates `weights` (piece, 3, 3), seen from the
+        """Of faces `facet` (patch,), with corners at barycentric coordinates `weights` (patch, 3, 3), relative to the
         `source` (3,) [m]."""
         count = len(facet)
         lane, place = np.repeat(facet, 3), weights.reshape(-1, 3)
         corners = surface_model.places(lane, place)[1].reshape(count, 3, 3) - source
         normals = unit_normals(surface_model, lane, place).reshape(count, 3, 3)
         middle = corners.mean(axis=1)
-        # What a quadratic patch rises by over a piece goes with the square of the piece's size.
+        # The sagitta goes with the square of the patch's size.
         size = np.abs(weights - weights[:, [1, 2, 0]]).max(axis=(1, 2), initial=0.0)
         edge_curvature = 4 / 3 * size**2 * lengths(surface_model.sagittas[facet]).max(axis=1, initial=0.0)
         radius = lengths(corners - middle[:, None]).max(axis=1, initial=0.0) + edge_curvature
@@ -71,7 +71,7 @@ class SurfacePatches:
         out = 2.0 * np.abs(falls)[:, None] * axis - towards_source
         aside = angular_radius(radius / far)
         spread = 2.0 * turn + aside
-        # Rays leave at least at this cosine to their own normal, by that much less to the axis.
+        # Least cosine to the local normal, lowered to the axis.
         least = np.cos(np.minimum(np.arccos(np.minimum(np.abs(falls), 1.0)) + turn + aside + ROUNDING[0], np.pi))
         least -= 2.0 * np.sin(0.5 * np.minimum(turn, np.pi))
         least[least <= 0] = NEVER
@@ -87,11 +87,11 @@ class SurfacePatches:
         return len(self.facet)
 
     def take(self, index: NDArray[np.intp]) -> SurfacePatches:
-        """Those that `index` counts out."""
+        """Patches by `index`."""
         return SurfacePatches(*(getattr(self, each.name)[index] for each in fields(self)))
 
     def halves(self, surface_model: SmoothedSurface, source: FloatArray) -> SurfacePatches:
-        """Twice as many, both halves of each side by side, cut across the edge along which rays change most."""
+        """Both halves of each patch, side by side, cut across the edge of largest change of the rays."""
         turn = 2.0 * lengths(self.normals[:, [1, 2, 0]] - self.normals)
         width = lengths(self.corners[:, [1, 2, 0]] - self.corners) / np.maximum(lengths(self.middle), 1e-9)[:, None]
         row, edge = np.arange(len(self)), np.hypot(turn, width).argmax(axis=1)
@@ -102,12 +102,12 @@ class SurfacePatches:
 
 
 def angular_radius(ratio: FloatArray) -> FloatArray:
-    """Angle [rad] that a ball stands out by on all sides, by radius over distance; pi from inside."""
+    """Angle [rad] of a ball's outline, by radius over distance; pi from inside."""
     return np.where(ratio < 1.0, np.arcsin(np.minimum(ratio, 1.0)), np.pi)
 
 
 class PatchSubdivision:
-    """SurfacePatches, and those that are halves of them once somebody asked."""
+    """Patches and their halves, made on demand."""
 
     def __init__(self, surface_model: SmoothedSurface, source: FloatArray, facet: NDArray[np.int64]) -> None:
         self._smoothed, self._source, self._count = surface_model, source, len(facet)
@@ -119,11 +119,11 @@ class PatchSubdivision:
 
     @property
     def pieces(self) -> SurfacePatches:
-        """All of them so far."""
+        """All patches so far."""
         return SurfacePatches(*(getattr(self._room, each.name)[: self._count] for each in fields(SurfacePatches)))
 
     def halves(self, index: NDArray[np.intp]) -> NDArray[np.intp]:
-        """(n, 2) numbers of the halves of the pieces `index` (n,)."""
+        """(n, 2) numbers of the halves of the patches `index` (n,)."""
         whole = np.unique(index[self._halves[index] < 0])
         if len(whole):
             made, first = self._room.take(whole).halves(self._smoothed, self._source), self._count
@@ -141,7 +141,7 @@ class PatchSubdivision:
 
 
 def _resized(values: NDArray[Any], count: int) -> NDArray[Any]:
-    """The same at the beginning of an array of that length."""
+    """The same at the beginning of an array of length `count`."""
     found = empty_aligned((count, *values.shape[1:]), values.dtype)
     found[: len(values)] = values
     return found
