@@ -1,4 +1,4 @@
-"""Capture files, both ways: the bytes that a radar's own tools write, with the scale that restores the units.
+"""Capture files of radars' own tools, written and read, with the scale that restores units.
 
 `write_capture` and `read_capture` choose the format by name; `open_capture` reads frame by frame. Formats:
 
@@ -11,26 +11,9 @@ matlab          MATLAB, version 5, or 7.3 above 2 GB                `.mat`
 =============== ================================================== ==========================================
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from rfgen_sionna.signal.formats.api import FORMATS, open_capture, read_capture, write_capture
-    from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport, CaptureWarning
-    from rfgen_sionna.signal.formats.studio import radar_from_studio
-
-_HOME = {
-    "FORMATS": "api",
-    "Capture": "capture",
-    "CaptureFormatError": "capture",
-    "CaptureReport": "capture",
-    "CaptureWarning": "capture",
-    "open_capture": "api",
-    "radar_from_studio": "studio",
-    "read_capture": "api",
-    "write_capture": "api",
-}
+from rfgen_sionna.signal.formats.api import FORMATS, open_capture, read_capture, write_capture
+from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport, CaptureWarning
+from rfgen_sionna.signal.formats.studio import radar_from_studio
 
 __all__ = [
     "FORMATS",
@@ -43,11 +26,3 @@ __all__ = [
     "read_capture",
     "write_capture",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

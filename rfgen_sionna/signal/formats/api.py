@@ -1,15 +1,17 @@
-"""Formats by name: one way to write, one to read."""
+"""Formats of captures by name: write and read."""
 
 from __future__ import annotations
 
 import os
 import warnings
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport, CaptureWarning
 from rfgen_sionna.signal.formats.files import read_json
@@ -30,35 +32,34 @@ def write_capture(
     overwrite: bool = False,
     **options: Any,
 ) -> CaptureReport:
-    """Write a cube as the files of a radar's own tools; frames are written one by one.
+    """Write a cube as the files of a radar's own tools, frame by frame.
 
     Parameters
     ----------
     cube
-        The samples. `cube.data` may be anything that gives a frame for an index, such as a dataset on the disk.
+        Samples; `cube.data` is an array, or a dataset on the disk with one frame per index.
     path
-        Data file, or folder that shall hold the files under their usual names.
+        Data file, or folder for files of standard names.
     format
         One of `FORMATS`.
     scale
-        [sqrt(W)/LSB]. "auto" is that of the radar's ADC where its full scale is fixed, else the smallest power of two
-        that clips nothing (1 in formats of floating-point numbers). None: the samples are in LSB already, and no scale
-        is declared.
+        [sqrt(W)/LSB]. "auto" is the scale of a fixed full scale of the radar's ADC, else the smallest power of two that
+        clips nothing (1 in floating-point formats). None takes samples in LSB and declares no scale.
     full_scale_dbm
-        Instead of `scale`: power of a complex tone that just fills the converter [dBm].
+        Power of a complex tone at full scale [dBm], instead of `scale`.
     overwrite
-        Replace existing files.
+        Whether existing files are replaced.
     options
-        What a format has beyond: `max_file_size` of "cascade", `version` of "matlab".
+        `max_file_size` of "cascade" [bytes], `version` of "matlab" ("auto", "5", "7.3").
 
     Raises
     ------
     CaptureFormatError
         The format cannot hold such frames.
     ValueError
-        An unknown format, a scale that is none, a cube that does not fit its radar or is not finite.
+        Unknown format, invalid scale, or a cube that does not fit its radar or is not finite.
     FileExistsError
-        A file is there and `overwrite` is false.
+        A file exists and `overwrite` is false.
     """
     module = _module(format)
     report: CaptureReport = module.write(WriteRequest(cube, Path(path), scale, full_scale_dbm, overwrite), **options)
@@ -68,26 +69,26 @@ def write_capture(
 def open_capture(
     path: str | os.PathLike[str], format: str | None = None, radar: Radar | None = None, *, partial: bool = False
 ) -> Capture:
-    """Open a capture, ours or a real board's; frames stay on the disk.
+    """Open a simulated or measured capture; frames stay on the disk.
 
     Parameters
     ----------
     path
-        Data file, its `.rfgen.json`, or the folder that holds the files.
+        Data file, its `.rfgen.json`, or the folder of the files.
     format
-        One of `FORMATS`; by default what the names of the files say.
+        One of `FORMATS`; None derives it from the names of the files.
     radar
-        The hardware that took it, where no `.rfgen.json` says so. A `.mmwave.json` or `.xml` beside the data then
-        gives the waveform and the elements in use.
+        Hardware of a capture without `.rfgen.json`. A `.mmwave.json` or `.xml` beside the data then gives the waveform
+        and the elements in use.
     partial
-        Read the whole frames of a capture that is truncated or contradicts itself, with a :class:`CaptureWarning`,
-        instead of refusing it. Truncated MATLAB files are always refused. Of a cascade that lacks a device, read those
-        of the others (:func:`rfgen_sionna.signal.formats.cascade.read`).
+        Whether the whole frames of a truncated or inconsistent capture are read, with a :class:`CaptureWarning`.
+        Truncated MATLAB files are always refused. Of a cascade without one device, the others are read
+        (:func:`rfgen_sionna.signal.formats.cascade.read`).
 
     Raises
     ------
     CaptureFormatError
-        The capture is truncated (the message says which bytes are missing), contradicts itself or its radar.
+        The capture is truncated, contradicts itself or its radar; the message names bytes or fields.
     FileNotFoundError
         A file is missing.
     """
@@ -107,16 +108,14 @@ def read_capture(
     scale: float | None = None,
     partial: bool = False,
 ) -> AdcCube:
-    """The whole of a capture in memory, in sqrt(W). Parameters and errors are those of :func:`open_capture`.
+    """All samples of a capture [sqrt(W)]. Parameters and errors are those of :func:`open_capture`.
 
-    `scale` [sqrt(W)/LSB] replaces the declared one. A real board's file declares none: without one here, the samples
-    are in LSB, and a :class:`CaptureWarning` says so.
+    `scale` [sqrt(W)/LSB] replaces the declared one. Without either, as in the files of a real board, samples are in
+    LSB, with a :class:`CaptureWarning`.
     """
-    from dataclasses import replace
-
     capture = open_capture(path, format, radar, partial=partial)
     if scale is not None:
-        if isinstance(scale, bool) or not isinstance(scale, (int, float)) or not 1e-30 <= scale <= 1e30:
+        if not is_number(scale) or not 1e-30 <= scale <= 1e30:
             raise ValueError(f"scale is {scale!r}: a number in 1e-30 … 1e30 sqrt(W)/LSB is needed")
         capture = replace(capture, scale=float(scale))
     if capture.scale is None:
@@ -152,7 +151,7 @@ def _guess(path: Path) -> str:
     if path.suffix not in _SUFFIXES:
         if not path.exists():
             raise FileNotFoundError(f"capture '{path}' does not exist")
-        raise CaptureFormatError(f"'{path}': name a format of {', '.join(FORMATS)}; the suffix says none")
+        raise CaptureFormatError(f"'{path}' has a suffix of no format: name one of {', '.join(FORMATS)}")
     return _SUFFIXES[path.suffix]
 
 

@@ -17,11 +17,11 @@ from rfgen_sionna.records import AdcCube
 
 
 class CaptureFormatError(ValueError):
-    """A capture is truncated, contradicts itself, or is not what it is taken for."""
+    """A capture is truncated, contradicts itself, or has another format."""
 
 
 class CaptureWarning(UserWarning):
-    """A capture was read, but not all of it, or not in physical units."""
+    """A capture was read in part, or not in physical units."""
 
 
 def full_scale_dbm(scale: float, full_scale: int) -> float:
@@ -38,13 +38,13 @@ class CaptureReport:
     """Every file, the data first."""
     frames: int
     scale: float | None
-    """[sqrt(W)/LSB]; [sqrt(W)] per unit in formats of floating-point numbers. None where none was declared."""
+    """[sqrt(W)/LSB]; [sqrt(W)] per unit in floating-point formats. None: none was declared."""
     full_scale: int | None
-    """Largest magnitude of I and Q in LSB; None in formats of floating-point numbers."""
+    """Largest magnitude of I and Q in LSB; None in floating-point formats."""
     clipped: int
-    """I and Q values beyond full scale, which were written as full scale."""
+    """Number of I and Q values beyond full scale, written as full scale."""
     values: int
-    """I and Q values in all."""
+    """Number of I and Q values."""
 
     @property
     def full_scale_dbm(self) -> float | None:
@@ -56,7 +56,7 @@ class CaptureReport:
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """An open capture: frames stay on the disk until they are asked for."""
+    """An open capture; each frame is read from the disk on access."""
 
     format: str
     paths: tuple[Path, ...]
@@ -65,7 +65,7 @@ class Capture:
     frame_times: FloatArray
     """(frame,) start of the first ramp of each frame [s]."""
     scale: float | None
-    """[sqrt(W)/LSB]; None where the capture does not declare one: then samples are in LSB."""
+    """[sqrt(W)/LSB]; None where the capture declares none, so that samples are in LSB."""
     seed: int | None
     _read: Callable[[int], NDArray[Any]]
 
@@ -74,7 +74,7 @@ class Capture:
         return len(self.frame_times)
 
     def lsb(self, frame: int) -> NDArray[np.complex64]:
-        """(chirp, tx, rx, sample) of frame `frame` in LSB, as they stand in the file."""
+        """(chirp, tx, rx, sample) of frame `frame` in LSB, as in the file."""
         if not -len(self) <= frame < len(self):
             raise IndexError(f"frame {frame} of a capture with {len(self)} frames")
         return np.asarray(self._read(frame % len(self)), dtype=np.complex64)

@@ -1,15 +1,13 @@
-"""The files of TI's MMWCAS-RF-EVM: four devices of 4 Rx, recorded by a TDA2 host, one pair of files each.
+"""Files of TI's MMWCAS-RF-EVM: four devices of 4 Rx, recorded by a TDA2 host, one pair of files each.
 
 `<device>_NNNN_data.bin`: int16, little-endian, I and Q in turn; order frame, loop, chirp as fired, sample, receiver.
 `<device>_NNNN_idx.bin`: a header of 24 bytes, `<IIIIQ` = tag, version, flags, frames, bytes of data; then 48 bytes a
 frame, `<HHIHH4IIQQ` = tag, version, flags, width (samples), height (chirps), pitch[4] (bytes of a chirp first), bytes,
 time stamp, offset. The host begins a new pair of files before one exceeds 2047 MiB, and allocates files in advance:
-the index, not the size, says how much is data.
+the index, not the size, counts the data.
 
-Time stamps are microseconds of the host's clock since it was switched on: readers of real captures found 717,218,416
-twelve minutes after that (github.com/samxu29/mmwave-cli, check_ir_timestamps.py) and subtract the stamps from Unix
-times times 1e6. TI documents no unit, and nanoseconds, as some descriptions of the file have it, are what no capture
-was seen to hold. On reading the unit is that of 1 us, 1 ns and 1 ms in which frames are closest to a period apart.
+Time stamps are microseconds since the host was switched on (github.com/samxu29/mmwave-cli, check_ir_timestamps.py).
+TI documents no unit: a read takes the one of 1 us, 1 ns and 1 ms in which frames are closest to a period apart.
 """
 
 from __future__ import annotations
@@ -38,84 +36,62 @@ from rfgen_sionna.signal.formats.cascade_files import (
     Frames,
     find_frames,
 )
-from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import atomic_files, warn_or_raise, write_json
-from rfgen_sionna.signal.formats.frames import (
-    WriteRequest,
-    channel_numbers,
-    complex_lsb,
-    element_order,
-    firing_order,
-    frame_shape,
-    frames_of,
-    quantize,
-)
-from rfgen_sionna.signal.formats.sidecar import (
-    SUFFIX,
-    Description,
-    describe,
-    find_description,
-    periodic_times,
-    write_sidecar,
-)
+from rfgen_sionna.signal.formats.frames import Quantizer, WriteRequest, channel_numbers, complex_lsb, element_order
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, check_json, find_description, periodic_times
 from rfgen_sionna.signal.formats.studio import read_studio, studio_config
-from rfgen_sionna.signal.formats.studio_chirps import CHECKED_FIELDS, RX_PER_DEVICE
+from rfgen_sionna.signal.formats.studio_chirps import CHECKED_FIELDS, FULL_SCALE, RX_PER_DEVICE
 
 NAME = "cascade"
-FULL_SCALE = 1 << 15
-MAX_FILE_SIZE = 2047 << 20
+MAX_FILE_SIZE = 2047 << 20  # of the TDA2 host [bytes]
 SIDECAR = "capture" + SUFFIX
-_TIME_UNITS = (1e-6, 1e-9, 1e-3)
+_TIME_UNITS = (1e-6, 1e-9, 1e-3)  # [s] of a time stamp, the written one first
 
 
 def write(request: WriteRequest, *, max_file_size: int = MAX_FILE_SIZE) -> CaptureReport:
     """Write the files of the four devices into the folder `request.path`; see `write_capture`.
 
-    `max_file_size` [bytes] is where a new pair of files begins.
+    A data file has at most `max_file_size` bytes, but at least one frame.
 
     Raises
     ------
     CaptureFormatError
-        The radar has not the 16 receivers of the board, or more than its 12 transmitters.
+        The radar does not have 16 receivers, or has more than 12 transmitters.
     """
-    cube, radar, frames = request.cube, request.cube.radar, request.cube.data.shape[0]
+    radar, frames = request.cube.radar, request.cube.data.shape[0]
     receivers = _receivers(radar)
-    loops, slots, _, samples = frame_shape(radar)
+    loops, slots, _, samples = radar.frame_shape
     frame_size = 4 * loops * slots * samples * RX_PER_DEVICE
     per_file = max(1, max_file_size // frame_size)
     groups = [range(first, min(first + per_file, frames)) for first in range(0, frames, per_file)]
     config = studio_config(radar, frames, len(DEVICES))
-    divisor, declared = request.resolve_scale(FULL_SCALE)
-    folder = request.path
+    quantizer, folder = Quantizer(request, NAME, FULL_SCALE), request.path
     data = [folder / f"{name}_{group:04d}_data.bin" for group in range(len(groups)) for name in DEVICES]
     index = [folder / f"{name}_{group:04d}_idx.bin" for group in range(len(groups)) for name in DEVICES]
     paths = (*data, *index, folder / f"{folder.resolve().name}.mmwave.json", folder / SIDECAR)
-    clipped = 0
     with atomic_files(paths, request.overwrite) as parts:
-        remaining = frames_of(cube)
+        remaining = quantizer.frames(receivers)
         for number, group in enumerate(groups):
             own = slice(len(DEVICES) * number, len(DEVICES) * (number + 1))
             with ExitStack() as stack:
                 streams = [stack.enter_context(part.open("wb")) for part in parts[own]]
                 for _ in group:
-                    levels, beyond = quantize(next(remaining), divisor, FULL_SCALE)
-                    clipped += beyond
                     # (chirp, slot, rx, sample, IQ) to (chirp, slot, sample, rx, IQ)
-                    ordered = firing_order(levels, radar, receivers).swapaxes(2, 3)
+                    ordered = next(remaining).swapaxes(2, 3)
                     for place, stream in enumerate(streams):
                         channels = slice(RX_PER_DEVICE * place, RX_PER_DEVICE * (place + 1))
                         stream.write(np.ascontiguousarray(ordered[..., channels, :], dtype="<i2").data)
-            entries = _index(radar, cube.frame_times, group, frame_size)
+            entries = _index(radar, request.cube.frame_times, group, frame_size)
             header = np.array((FILE_TAG, 1, 0, len(group), len(group) * frame_size), dtype=HEADER)
             for part in parts[len(data) :][own]:
                 part.write_bytes(header.tobytes() + entries.tobytes())
         write_json(parts[-2], config)
-        write_sidecar(parts[-1], describe(cube, NAME, declared, FULL_SCALE))
-    return CaptureReport(NAME, paths, frames, declared, FULL_SCALE, clipped, 2 * cube.data.size)
+        quantizer.write_sidecar(parts[-1])
+    return quantizer.report(paths)
 
 
 def _index(radar: Radar, times: FloatArray, group: range, frame_size: int) -> NDArray[Any]:
-    loops, slots, _, samples = frame_shape(radar)
+    loops, slots, _, samples = radar.frame_shape
     if loops * slots > 0xFFFF or samples > 0xFFFF or frame_size > 0xFFFFFFFF:
         raise CaptureFormatError(
             f"{loops * slots} chirps of {samples} samples a frame do not fit the index: at most 65535 of each"
@@ -124,20 +100,19 @@ def _index(radar: Radar, times: FloatArray, group: range, frame_size: int) -> ND
     entries["tag"], entries["version"], entries["flags"] = FRAME_TAG, 1, 1
     entries["width"], entries["height"], entries["size"] = samples, loops * slots, frame_size
     entries["pitch"][:, 0] = 4 * samples * RX_PER_DEVICE
-    # The host's clock never was negative.
+    # The clock of the host is never negative.
     entries["time"] = np.rint((times[group.start : group.stop] - min(times[0], 0.0)) / _TIME_UNITS[0])
     entries["offset"] = np.arange(len(group)) * frame_size
     return entries
 
 
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
-    """Open the capture in a folder; see `open_capture`. Without a sidecar, `radar` gives the hardware and the
-    folder's only `.mmwave.json`, where there is one, the waveform and the Tx elements that fire.
+    """Open the capture in a folder; see `open_capture`. Without a sidecar, `radar` gives the hardware, and a single
+    `.mmwave.json` in the folder the waveform and the Tx elements that fire.
 
-    With `partial`, a device without files or without any whole frame is left out, and the capture's radar has the
-    receivers of the others alone; what is read are the frames that all of these hold, at their own times. An index that
-    is missing or damaged is made up for by those of the other devices, and without any of them frames are taken one
-    after the other.
+    With `partial`, devices without a whole frame are left out, together with their receivers in the radar; the capture
+    has the frames that all other devices hold. The indices of other devices replace a missing or damaged index; without
+    any index, frames are contiguous.
     """
     folder = Path(path)
     if DATA_NAME.fullmatch(folder.name):
@@ -145,14 +120,13 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     sidecar, configs = folder / SIDECAR, sorted(folder.glob("*.mmwave.json"))
 
     def same(found: Description) -> None:
-        for config in configs if len(configs) == 1 else ():
-            check_json(
-                config, studio_config(found.radar, found.frames or 0, len(DEVICES)), CHECKED_FIELDS, sidecar, partial
-            )
+        if len(configs) == 1:
+            wanted = studio_config(found.radar, found.frames or 0, len(DEVICES))
+            check_json(configs[0], wanted, CHECKED_FIELDS, sidecar, partial)
 
     known = find_description(folder, sidecar, radar, lambda hardware: _configured(configs, hardware), same)
     receivers = _receivers(known.radar)
-    loops, slots, _, samples = frame_shape(known.radar)
+    loops, slots, _, samples = known.radar.frame_shape
     frame_size = 4 * loops * slots * samples * RX_PER_DEVICE
     found, count = find_frames(folder, Frames(samples, loops * slots, frame_size), partial)
     wanted = count if known.frames is None else known.frames
@@ -193,7 +167,7 @@ def _configured(configs: Sequence[Path], hardware: Radar) -> Description:
     if len(configs) != 1:
         return Description(hardware, None, None, None)
     found = read_studio(configs[0], hardware, len(DEVICES))
-    # Frames are counted by the index: the host drops some, and the last ones when it is stopped.
+    # The index counts the frames: the host drops some.
     return Description(found.radar, None, None, None, found.iq_swap)
 
 
@@ -208,7 +182,7 @@ def _receivers(radar: Radar) -> list[int]:
 
 
 def _times(places: list[FrameLocation], numbers: list[int], radar: Radar) -> FloatArray:
-    """Times from the first frame on; the unit is the one in which frames are closest to a frame period apart."""
+    """(frame,) times after the first frame [s]; the unit is the one in which steps are closest to a frame period."""
     period = radar.waveform.frame_period
     stamps = [place.stamp for place in places if place.stamp is not None]
     if len(stamps) < len(places):

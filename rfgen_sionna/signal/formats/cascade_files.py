@@ -1,4 +1,4 @@
-"""Locations of the frames of a cascade capture: whole entries in the indices and data of its devices."""
+"""Locations of the frames of a cascade capture, from the indices and data files of its devices."""
 
 from __future__ import annotations
 
@@ -17,20 +17,9 @@ DEVICES = ("master", "slave1", "slave2", "slave3")
 DATA_NAME = re.compile(r"(master|slave[123])_(\d{4})_(data|idx)\.bin")
 
 HEADER = np.dtype([("tag", "<u4"), ("version", "<u4"), ("flags", "<u4"), ("frames", "<u4"), ("size", "<u8")])
-ENTRY = np.dtype(
-    [
-        ("tag", "<u2"),
-        ("version", "<u2"),
-        ("flags", "<u4"),
-        ("width", "<u2"),
-        ("height", "<u2"),
-        ("pitch", "<u4", 4),
-        ("size", "<u4"),
-        ("time", "<u8"),
-        ("offset", "<u8"),
-    ]
-)
-FILE_TAG, FRAME_TAG = 0x746B6362, 0x6964
+_FIELDS = {"tag": "<u2", "version": "<u2", "flags": "<u4", "width": "<u2", "height": "<u2", "pitch": "4<u4"}
+ENTRY = np.dtype([*_FIELDS.items(), ("size", "<u4"), ("time", "<u8"), ("offset", "<u8")])
+FILE_TAG, FRAME_TAG = 0x746B6362, 0x6964  # first words of a header and of an entry
 
 
 @dataclass(frozen=True)
@@ -40,12 +29,12 @@ class FrameLocation:
     file: Path
     offset: int
     stamp: int | None
-    """Time stamp of the index; None where no index is left."""
+    """Time stamp of the index; None without an index."""
 
 
 @dataclass(frozen=True)
 class Frames:
-    """The shape of a frame as the index writes it."""
+    """Shape of a frame in the index."""
 
     width: int
     """Samples of a chirp."""
@@ -55,30 +44,28 @@ class Frames:
     """[bytes] of one device."""
 
     def fits(self, entry: Any) -> bool:
-        """Whether an entry of an index is one of such a frame."""
+        """Whether an entry of an index has this shape."""
         found = (int(entry["width"]), int(entry["height"]), int(entry["size"]))
         return int(entry["tag"]) == FRAME_TAG and found == (self.width, self.height, self.size)
 
 
 @dataclass(frozen=True)
 class _Index:
-    """One index."""
+    """Entries of one index, None for a damaged entry; `damaged` also where entries are missing."""
 
     entries: tuple[Any, ...] = ()
-    """None for those that are damaged."""
     damaged: bool = True
-    """Whether something is missing or wrong in it, so that the other devices' indices count as well."""
 
 
 def find_frames(folder: Path, shape: Frames, partial: bool) -> tuple[dict[str, dict[int, FrameLocation]], int]:
-    """The frames that each device recorded, by their number in the capture, and how many there are in all.
+    """Frames of each device by their number in the capture, and the number of frames in all.
 
-    An index that is missing or damaged is made up for by those of the other devices, which run in step.
+    The indices of the other devices, which are synchronous, replace a missing or damaged index.
 
     Raises
     ------
     CaptureFormatError, FileNotFoundError
-        Something is missing or contradicts itself; with `partial` only where it leaves no frame.
+        A file is missing or contradicts the others; with `partial` only where no frame is left.
     """
     files: dict[str, dict[int, Path]] = {name: {} for name in DEVICES}
     for path in sorted(folder.glob("*_data.bin")):
@@ -101,7 +88,7 @@ def find_frames(folder: Path, shape: Frames, partial: bool) -> tuple[dict[str, d
         if not count:
             count = max(path.stat().st_size // shape.size for path in present.values())
             if count:
-                warn_or_raise(f"'{folder}': no index says how much of file {group} is data", partial)
+                warn_or_raise(f"'{folder}': file {group} has no index that counts its frames", partial)
         contents.append((group, present, indices, count))
     full = max(count for *_, count in contents)
     found: dict[str, dict[int, FrameLocation]] = {name: {} for name in DEVICES}
@@ -120,7 +107,7 @@ def find_frames(folder: Path, shape: Frames, partial: bool) -> tuple[dict[str, d
 
 
 def _index(folder: Path, name: str, group: int, shape: Frames, partial: bool, needed: bool) -> _Index:
-    """One index, as far as it can be read."""
+    """Readable entries of one index."""
     path = folder / f"{name}_{group:04d}_idx.bin"
     if not path.is_file():
         master = path.with_name(f"master_{group:04d}_idx.bin")
@@ -154,7 +141,7 @@ def _index(folder: Path, name: str, group: int, shape: Frames, partial: bool, ne
         if usable[-1] is None:
             warn_or_raise(_damage(path, number, entry, shape), partial)
     if len(usable) and not any(entry is not None for entry in usable) and np.all(entries["tag"] == FRAME_TAG):
-        # Not damage: the frames are others.
+        # Frames of another shape, not damage.
         raise CaptureFormatError(_damage(path, 0, entries[0], shape))
     return _Index(tuple(usable), damaged=len(content) != wanted or any(entry is None for entry in usable))
 
@@ -171,7 +158,7 @@ def _damage(path: Path, number: int, entry: Any, shape: Frames) -> str:
 def _whole(
     data: Path, indices: list[tuple[Any, ...]], count: int, shape: Frames, partial: bool
 ) -> Iterator[tuple[int, FrameLocation]]:
-    """Number and place of the frames of one data file that are whole; the first index that knows a frame counts."""
+    """Number and location of the whole frames of one data file, each by the first index that has it."""
     size, unknown = data.stat().st_size, not any(indices)
     for number in range(count):
         entry = next((known[number] for known in indices if number < len(known) and known[number] is not None), None)

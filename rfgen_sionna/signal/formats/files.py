@@ -1,4 +1,4 @@
-"""Files of a capture: names, all or nothing on writing, whole frames or an error on reading."""
+"""Files of a capture: names, atomic writes, whole frames or an error on a read."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from rfgen_sionna.signal.formats.capture import CaptureFormatError, CaptureWarni
 
 
 def data_file(path: str | os.PathLike[str], standard: str) -> Path:
-    """`path`, or `standard` inside it where it is a folder (or has no suffix, so that it will be one)."""
+    """`path`, or `standard` inside it where it is a folder or has no suffix."""
     target = Path(path)
     return target / standard if target.is_dir() or not target.suffix else target
 
 
-def companion_path(path: Path, suffix: str) -> Path:
-    """The companion of a data file: its name with `suffix` for its own."""
+def companion(path: Path, suffix: str) -> Path:
+    """Path of a data file with another suffix."""
     return path.with_name(path.stem + suffix)
 
 
 @contextmanager
 def atomic_files(paths: Sequence[Path], overwrite: bool) -> Iterator[list[Path]]:
-    """Temporary names to write to; they take the places of `paths` when all went well, and vanish otherwise.
+    """Temporary names to write to. They replace `paths` at the end of the block; after an error they are removed.
 
     Raises
     ------
     FileExistsError
-        One of `paths` is there and `overwrite` is false.
+        One of `paths` exists and `overwrite` is false.
     """
     for path in paths:
         if path.exists() and not overwrite:
@@ -49,13 +49,7 @@ def atomic_files(paths: Sequence[Path], overwrite: bool) -> Iterator[list[Path]]
 
 
 def need_file(path: Path) -> Path:
-    """`path`, if it is a file.
-
-    Raises
-    ------
-    FileNotFoundError
-        If not.
-    """
+    """`path`, checked to be a file (else FileNotFoundError)."""
     if not path.is_file():
         raise FileNotFoundError(f"capture file '{path}' does not exist")
     return path
@@ -66,13 +60,7 @@ def write_json(path: Path, record: dict[str, Any]) -> None:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The JSON object in `path`.
-
-    Raises
-    ------
-    CaptureFormatError
-        It is none.
-    """
+    """JSON object in `path`; anything else is a CaptureFormatError."""
     try:
         record = json.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, UnicodeDecodeError) as error:
@@ -83,13 +71,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def warn_or_raise(message: str, partial: bool) -> None:
-    """Report a damaged capture: by a warning where a part is wanted, by an error otherwise.
-
-    Raises
-    ------
-    CaptureFormatError
-        Unless `partial`.
-    """
+    """Report a damaged capture: a CaptureWarning where `partial`, else a CaptureFormatError."""
     if not partial:
         raise CaptureFormatError(message + "; partial=True reads the whole frames")
     warnings.warn(message, CaptureWarning, stacklevel=4)
@@ -101,7 +83,7 @@ def whole_frames(path: Path, size: int, frame_size: int, expected: int | None, p
     Raises
     ------
     CaptureFormatError
-        The file ends within a frame, or does not hold the frames it should; with `partial` only where it holds none.
+        The file ends within a frame, or does not hold the `expected` frames; with `partial` only where it holds none.
     """
     present, rest = divmod(size, frame_size)
     message = ""

@@ -1,12 +1,11 @@
-"""A MATLAB file: version 5 through SciPy; version 7.3, which is HDF5, where `adc` would exceed version 5's 2 GB.
+"""A MATLAB file: version 5 (SciPy), or version 7.3 (HDF5) where `adc` exceeds version 5's 2 GB.
 
 Variables: `adc` (chirp, tx, rx, sample, frame) complex single; `dims`, its axes; `units`, a struct with the unit of
-each variable; `frame_time` (frame, 1), `chirp_time` (chirp, tx), `sample_time` (1, sample), or (tx, sample) where kinds
-of chirps differ in it; `tx_name`, `rx_name`; `slot_name`, the entries of `adc` along tx; `tx_position`, `rx_position`
-(element, 3); `scale`; `description`, JSON with the radar in full.
+each variable; `frame_time` (frame, 1), `chirp_time` (chirp, tx), `sample_time` (1, sample), or (tx, sample) where
+profiles differ in it; `tx_name`, `rx_name`; `slot_name`, the entries of `adc` along tx; `tx_position`, `rx_position`
+(element, 3); `scale`; `description`, JSON with the full radar.
 
-MATLAB counts from the first axis, so that a frame, `adc(:, :, :, :, n)`, lies in one piece; `adc` comes last. A
-truncated file is refused.
+MATLAB's first axis is the fastest: a frame, `adc(:, :, :, :, n)`, is contiguous. A truncated file is refused.
 """
 
 from __future__ import annotations
@@ -23,12 +22,12 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.files import atomic_files, data_file, need_file, warn_or_raise
-from rfgen_sionna.signal.formats.frames import WriteRequest, frame_shape, frames_of
+from rfgen_sionna.signal.formats.frames import WriteRequest, frames_of
 from rfgen_sionna.signal.formats.sidecar import Description, describe, from_record, with_radar
 
 NAME = "matlab"
 STANDARD = "adc_data.mat"
-MAX_VERSION_5 = (1 << 31) - 1
+MAX_VERSION_5 = (1 << 31) - 1  # bytes of a variable (MAT-File Format, version 5)
 _DIMS = ("chirp", "tx", "rx", "sample", "frame")
 _UNITS = {
     "adc": "sqrt(W)",
@@ -40,8 +39,8 @@ _UNITS = {
     "scale": "sqrt(W)/unit of adc",
 }
 _COMPLEX = np.dtype([("real", "<f4"), ("imag", "<f4")])
-_USERBLOCK = 512
-# What MATLAB looks for in the block before the HDF5 content: a text of 116 bytes, version 0x0200, byte order.
+_USERBLOCK = 512  # bytes before the HDF5 content, the smallest of HDF5
+# MATLAB's header in that block: a text of 116 bytes, version 0x0200, byte order.
 _HEADER = b"MATLAB 7.3 MAT-file, HDF5 schema 1.00 .".ljust(116) + bytes(8) + b"\x00\x02IM"
 
 
@@ -53,7 +52,7 @@ def write(request: WriteRequest, *, version: Literal["auto", "5", "7.3"] = "auto
     Raises
     ------
     ValueError
-        Version "5" is asked for and `adc` does not fit.
+        `adc` does not fit into version "5".
     """
     cube = request.cube
     if version not in ("auto", "5", "7.3"):
@@ -103,7 +102,7 @@ def _variables(cube: AdcCube, scale: float | None) -> dict[str, Any]:
 def _write_hdf5(path: Path, cube: AdcCube, divisor: float, variables: dict[str, Any]) -> None:
     import h5py
 
-    frames, shape = cube.data.shape[0], frame_shape(cube.radar)
+    frames, shape = cube.data.shape[0], cube.radar.frame_shape
     with h5py.File(path, "w", userblock_size=_USERBLOCK, libver="earliest") as file:
         for name, value in variables.items():
             if isinstance(value, dict):
@@ -113,7 +112,7 @@ def _write_hdf5(path: Path, cube: AdcCube, divisor: float, variables: dict[str, 
                     _put(group, key, entry)
             else:
                 _put(file, name, value)
-        # MATLAB counts axes from the fastest: stored back to front, they come out in the order of `dims`.
+        # In the order of HDF5 the axes are those of `dims` reversed: MATLAB's first axis is the fastest.
         adc = file.create_dataset("adc", shape=(frames, *shape[::-1]), dtype=_COMPLEX)
         adc.attrs["MATLAB_class"] = np.bytes_("single")
         for number, frame in enumerate(frames_of(cube)):
@@ -134,12 +133,12 @@ def _put(group: Any, name: str, value: str | NDArray[Any]) -> None:
 
 
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
-    """Open a MATLAB file that :func:`write` made; see `open_capture`. One of version 5 is read into memory.
+    """Open a MATLAB file of :func:`write`; see `open_capture`. Version 5 is read into memory.
 
     Raises
     ------
     CaptureFormatError
-        The file is truncated, whether or not `partial` is set, or holds something else.
+        The file is truncated (also with `partial`), or has other contents.
     """
     data = need_file(data_file(path, STANDARD))
     with data.open("rb") as stream:
@@ -148,7 +147,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     found = tuple(stored.shape if isinstance(stored, np.ndarray) else stored.shape[::-1])
     found += (1,) * (5 - len(found))  # MATLAB drops trailing axes of length 1
     known = with_radar(_described(description, data), radar, data)
-    shape = frame_shape(known.radar)
+    shape = known.radar.frame_shape
     if len(found) != 5 or found[:4] != shape:
         raise CaptureFormatError(f"'{data}': adc has {found}; {', '.join(_DIMS)} = {shape} and the frames are needed")
     frames = found[4]
@@ -177,7 +176,7 @@ def _open_version_5(path: Path) -> tuple[str, Any]:
 
     try:
         content = loadmat(path, variable_names=["adc", "description"])
-    except Exception as error:  # SciPy raises what comes: struct.error, zlib.error, TypeError, its own
+    except Exception as error:  # of SciPy: struct.error, zlib.error, TypeError, its own
         raise _damaged(path, "5", error) from error
     for name in ("adc", "description"):
         if name not in content:

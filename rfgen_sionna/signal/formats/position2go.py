@@ -2,10 +2,10 @@
 
 `.raw`: big-endian. A frame is float32 values k/4095 (k the 12-bit level), order chirp, receiver, I of all samples, Q of
 all samples; then 8 uint32: frame number, chirps, receivers, samples, receiver mask, ADC bits, receivers interleaved,
-data format (1 is complex with I and Q apart). Frames follow one another until the file ends, as Infineon's parser
-`f_parse_data.m` reads them; files of one frame each are read as a sequence.
+data format (1 is complex with I and Q apart). Frames follow one another until the end of the file (Infineon's parser
+`f_parse_data.m`). A folder of files is read as a sequence. Level 2048 is zero.
 
-`.xml`: root `Device`; the elements that Infineon's parser and examples ask for. Level 2048 is zero.
+`.xml`: root `Device` with the elements that Infineon's parser and examples read.
 """
 
 from __future__ import annotations
@@ -21,46 +21,21 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
-from rfgen_sionna.signal.formats.consistency import check_xml
-from rfgen_sionna.signal.formats.files import (
-    atomic_files,
-    companion_path,
-    data_file,
-    need_file,
-    warn_or_raise,
-    whole_frames,
-)
-from rfgen_sionna.signal.formats.frames import (
-    WriteRequest,
-    channel_numbers,
-    complex_lsb,
-    element_order,
-    firing_order,
-    frame_shape,
-    frames_of,
-    quantize,
-)
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, find_description, write_sidecar
+from rfgen_sionna.signal.formats.files import atomic_files, companion, data_file, need_file, warn_or_raise, whole_frames
+from rfgen_sionna.signal.formats.frames import Quantizer, WriteRequest, channel_numbers, complex_lsb, element_order
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, check_xml, find_description
 
 NAME = "position2go"
 STANDARD = "position2go.raw"
-ADC_BITS = 12
+ADC_BITS = 12  # of the board's ADC
 FULL_SCALE = 1 << (ADC_BITS - 1)
 _TOP = (1 << ADC_BITS) - 1
-_TRAILER = (
-    "frame number",
-    "chirps",
-    "receivers",
-    "samples",
-    "receiver mask",
-    "ADC bits",
-    "receivers interleaved",
-    "data format",
-)
-_MOST_RECEIVERS = 32
-_CALIBRATION_VALUES = 16
+_TRAILER = "frame number, chirps, receivers, samples, receiver mask, ADC bits, receivers interleaved, data format"
+_FIELDS = tuple(_TRAILER.split(", "))
+_MOST_RECEIVERS = 32  # bits of the receiver mask
+_CALIBRATION_VALUES = 16  # length of `callibrationData` in Infineon's files
 _IGNORED_ELEMENTS = ("description", "callibrationData")
-"""Elements that do not say what the capture holds."""
+"""Elements without influence on the samples or their layout."""
 
 
 def write(request: WriteRequest) -> CaptureReport:
@@ -71,47 +46,43 @@ def write(request: WriteRequest) -> CaptureReport:
     CaptureFormatError
         The radar has more than one Tx: the format has no place for a second.
     """
-    cube, radar = request.cube, request.cube.radar
+    radar = request.cube.radar
     receivers = _receivers(radar)
-    loops, _, channels, samples = frame_shape(radar)
-    divisor, declared = request.resolve_scale(FULL_SCALE)
+    loops, _, channels, samples = radar.frame_shape
+    quantizer = Quantizer(request, NAME, FULL_SCALE)
     data = data_file(request.path, STANDARD)
-    paths = (data, companion_path(data, ".xml"), companion_path(data, SUFFIX))
-    clipped = 0
+    paths = (data, companion(data, ".xml"), companion(data, SUFFIX))
     with atomic_files(paths, request.overwrite) as parts:
         with parts[0].open("wb") as stream:
-            for number, frame in enumerate(frames_of(cube)):
-                levels, beyond = quantize(frame, divisor, FULL_SCALE)
-                clipped += beyond
+            for number, levels in enumerate(quantizer.frames(receivers)):
                 # (chirp, slot, rx, sample, IQ) to (chirp, slot, rx, IQ, sample)
-                stored = firing_order(levels, radar, receivers).swapaxes(-1, -2)
+                stored = levels.swapaxes(-1, -2)
                 stream.write(((stored.astype(np.float32) + FULL_SCALE) / np.float32(_TOP)).astype(">f4").tobytes())
                 trailer = (number, loops, channels, samples, _mask(receivers), ADC_BITS, 0, 1)
                 stream.write(np.array(trailer, dtype=">u4").tobytes())
         parts[1].write_bytes(_xml(radar, receivers))
-        write_sidecar(parts[2], describe(cube, NAME, declared, FULL_SCALE))
-    return CaptureReport(NAME, paths, cube.data.shape[0], declared, FULL_SCALE, clipped, 2 * cube.data.size)
+        quantizer.write_sidecar(parts[2])
+    return quantizer.report(paths)
 
 
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
     """Open a `.raw` file, or all `.raw` files of a folder in the order of their names; see `open_capture`.
 
-    Without a sidecar, `radar` gives the hardware, and `.xml`, where it is there, the ramp and the frame. The pause
-    between ramps is not in the `.xml`: it is that of `radar`.
+    Without a sidecar, `radar` gives the hardware and the pause between ramps, and an existing `.xml` ramp and frame.
     """
     target = Path(path)
     files = sorted(target.glob("*.raw")) if target.is_dir() else [need_file(data_file(target, STANDARD))]
     if not files:
         raise FileNotFoundError(f"'{target}' holds no .raw file")
-    sidecar, config = companion_path(files[0], SUFFIX), companion_path(files[0], ".xml")
+    sidecar, config = companion(files[0], SUFFIX), companion(files[0], ".xml")
 
     def same(found: Description) -> None:
         check_xml(config, _xml(found.radar, _receivers(found.radar)), _IGNORED_ELEMENTS, sidecar, partial)
 
     known = find_description(files[0], sidecar, radar, lambda hardware: _configured(files[0], hardware), same)
     receivers = _receivers(known.radar)
-    loops, slots, channels, samples = frame_shape(known.radar)
-    record = np.dtype([("levels", ">f4", (loops, slots, channels, 2, samples)), ("trailer", ">u4", len(_TRAILER))])
+    loops, slots, channels, samples = known.radar.frame_shape
+    record = np.dtype([("levels", ">f4", (loops, slots, channels, 2, samples)), ("trailer", ">u4", len(_FIELDS))])
     expected = known.frames if len(files) == 1 else None
     stored: list[NDArray[Any]] = []
     places: list[tuple[int, int]] = []
@@ -140,13 +111,13 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
 def _check_trailers(
     path: Path, trailers: NDArray[Any], wanted: tuple[int, int, int, int], partial: bool
 ) -> NDArray[np.intp]:
-    """The frames whose trailers are right: all of them, or with `partial` those that are left."""
+    """Indices of the frames with a correct trailer: all frames unless `partial`."""
     expected = np.array([*wanted, ADC_BITS, 0, 1], dtype=np.uint32)
     wrong = np.argwhere(trailers[:, 1:] != expected)
     if len(wrong):
         frame, field = (int(value) for value in wrong[0])
         message = (
-            f"'{path}', frame {frame}: {_TRAILER[field + 1]} is {int(trailers[frame, field + 1])}; "
+            f"'{path}', frame {frame}: {_FIELDS[field + 1]} is {int(trailers[frame, field + 1])}; "
             f"{int(expected[field])} is expected of this radar and format"
         )
         if len(set(wrong[:, 0].tolist())) == len(trailers):  # not a damaged frame: frames of another kind
@@ -156,7 +127,7 @@ def _check_trailers(
 
 
 def _configured(data: Path, hardware: Radar) -> Description:
-    config = companion_path(data, ".xml")
+    config = companion(data, ".xml")
     return Description(radar_from_xml(config, hardware) if config.is_file() else hardware, None, None, None)
 
 
@@ -199,23 +170,23 @@ def _xml(radar: Radar, receivers: list[int]) -> bytes:
     upper = wave.start_frequency + wave.slope * wave.ramp_end_time
     put("FmcwEndpoint/FmcwConfiguration/upperFrequency_kHz", _number(upper / 1e3))
     put("AdcxmcEndpoint/AdcxmcConfiguration/samplerateHz", _number(wave.sample_rate))
-    # No correction: a simulated board has no error to take out.
+    # Zeros: a simulated board needs no correction.
     put("CalibrationEndpoint/callibrationData", "[" + ", ".join(["0"] * _CALIBRATION_VALUES) + "]")
     ElementTree.indent(device)
     return bytes(ElementTree.tostring(device, encoding="utf-8", xml_declaration=True)) + b"\n"
 
 
 def radar_from_xml(path: Path, hardware: Radar) -> Radar:
-    """`hardware` with the ramp and the frame that a `.xml` tells.
+    """`hardware` with the ramp and the frame of a `.xml`.
 
     Raises
     ------
     CaptureFormatError
-        Naming the element that is missing, or that cannot be.
+        Naming the missing or invalid element.
     """
     try:
         device = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two: encodings that are none
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two: unknown encodings
         raise CaptureFormatError(f"'{path}' is not XML: {error}") from error
 
     def text(name: str) -> str:

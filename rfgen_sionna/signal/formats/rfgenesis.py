@@ -1,8 +1,7 @@
 """`radar_frames.npy` of RF Genesis (github.com/Asixa/RF-Genesis): complex128 (frame, tx, rx, chirp, sample).
 
-Its Tx axis counts slots (its `TI1843_config.json` lists TX1, TX3, TX2). Beside it lies `<name>_config.json` with the
-fields of that configuration: its point cloud and its films need one. Numbers are floating-point: the scale is 1 unless
-another is asked for.
+Its Tx axis counts slots (its `TI1843_config.json` lists TX1, TX3, TX2). `<name>_config.json` has the fields of that
+configuration, which RF Genesis' own tools need. Samples are floating-point numbers, by default of scale 1.
 """
 
 from __future__ import annotations
@@ -17,39 +16,19 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
-from rfgen_sionna.signal.formats.consistency import check_json
-from rfgen_sionna.signal.formats.files import (
-    atomic_files,
-    companion_path,
-    data_file,
-    need_file,
-    warn_or_raise,
-    write_json,
-)
-from rfgen_sionna.signal.formats.frames import WriteRequest, frame_shape, frames_of
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, find_description, write_sidecar
+from rfgen_sionna.signal.formats.files import atomic_files, companion, data_file, need_file, warn_or_raise, write_json
+from rfgen_sionna.signal.formats.frames import WriteRequest, frames_of
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, check_json, describe, find_description
 
 NAME = "rfgenesis"
 STANDARD = "radar_frames.npy"
-_ANGLE_BINS = 64
-_CHECKED_FIELDS = frozenset(
-    (
-        "num_tx",
-        "num_rx",
-        "fc",
-        "slope",
-        "adc_samples",
-        "adc_start_time",
-        "sample_rate",
-        "idle_time",
-        "ramp_end_time",
-        "chirp_per_frame",
-        "frame_per_second",
-        "tx_loc",
-        "rx_loc",
-    )
+_ANGLE_BINS = 64  # of RF Genesis' own configuration
+_FIELDS = (
+    "num_tx num_rx fc slope adc_samples adc_start_time sample_rate idle_time ramp_end_time chirp_per_frame "
+    "frame_per_second tx_loc rx_loc"
 )
-"""Fields of the configuration that say what the capture holds."""
+_CHECKED_FIELDS = frozenset(_FIELDS.split())
+"""Fields of the configuration that determine the samples or their layout."""
 
 
 def write(request: WriteRequest) -> CaptureReport:
@@ -57,14 +36,14 @@ def write(request: WriteRequest) -> CaptureReport:
     cube, radar, frames = request.cube, request.cube.radar, request.cube.data.shape[0]
     if radar.waveform.slots:
         raise CaptureFormatError(
-            f"preset '{radar.preset}' has slots of its own ({radar.waveform.multiplexing}, "
-            f"{len(radar.waveform.profiles)} profiles); RF Genesis knows one Tx at a time and one kind of chirp"
+            f"preset '{radar.preset}' has {radar.waveform.multiplexing} slots of {len(radar.waveform.profiles)} "
+            "profiles; RF Genesis has one Tx at a time and one profile: take 'matlab'"
         )
     divisor, declared = request.resolve_scale(None)
-    loops, slots, channels, samples = frame_shape(radar)
+    loops, slots, channels, samples = radar.frame_shape
     order = list(radar.waveform.tx_order)
     data = data_file(request.path, STANDARD)
-    paths = (data, companion_path(data, "_config.json"), companion_path(data, SUFFIX))
+    paths = (data, companion(data, "_config.json"), companion(data, SUFFIX))
     with atomic_files(paths, request.overwrite) as parts:
         stored = np.lib.format.open_memmap(
             parts[0], mode="w+", dtype=np.complex128, shape=(frames, slots, channels, loops, samples)
@@ -74,17 +53,17 @@ def write(request: WriteRequest) -> CaptureReport:
         stored.flush()
         del stored
         write_json(parts[1], _config(radar))
-        write_sidecar(parts[2], describe(cube, NAME, declared, None))
+        write_json(parts[2], describe(cube, NAME, declared, None))
     return CaptureReport(NAME, paths, frames, declared, None, 0, 2 * cube.data.size)
 
 
 def _config(radar: Radar) -> dict[str, Any]:
-    """RF Genesis' configuration: GHz aside, in µs, ksps and MHz/µs; elements in half wavelengths, x along the array."""
+    """RF Genesis' configuration in Hz, µs, ksps and MHz/µs; elements in half wavelengths, x along the array."""
     wave = radar.waveform
     pitch = 0.5 * SPEED_OF_LIGHT / wave.start_frequency
 
     def places(positions: NDArray[Any]) -> list[list[float]]:
-        # (boresight, left, up) to (left, up, boresight): right-handed both.
+        # (boresight, left, up) to (left, up, boresight), both right-handed
         return [[round(float(position[axis] / pitch), 6) for axis in (1, 2, 0)] for position in positions]
 
     return {
@@ -110,15 +89,15 @@ def _config(radar: Radar) -> dict[str, Any]:
 
 
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
-    """Open a `radar_frames.npy`; see `open_capture`. Without a sidecar, `radar` must be the one it was made with."""
+    """Open a `radar_frames.npy`; see `open_capture`. Without a sidecar, `radar` must be the radar of the samples."""
     data = need_file(data_file(path, STANDARD))
-    sidecar, config = companion_path(data, SUFFIX), companion_path(data, "_config.json")
+    sidecar, config = companion(data, SUFFIX), companion(data, "_config.json")
 
     def same(found: Description) -> None:
         check_json(config, _config(found.radar), _CHECKED_FIELDS, sidecar, partial)
 
     known = find_description(data, sidecar, radar, lambda hardware: Description(hardware, None, None, None), same)
-    loops, slots, channels, samples = frame_shape(known.radar)
+    loops, slots, channels, samples = known.radar.frame_shape
     stored = _open(data, (slots, channels, loops, samples), partial)
     frames = len(stored)
     if known.frames is not None and frames != known.frames:
@@ -133,7 +112,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
 
 
 def _open(path: Path, shape: tuple[int, int, int, int], partial: bool) -> NDArray[Any]:
-    """The array in a `.npy` file, as far as it reaches."""
+    """Whole frames of the array in a `.npy` file."""
     with path.open("rb") as stream:
         try:
             version = np.lib.format.read_magic(stream)
@@ -160,11 +139,9 @@ def _open(path: Path, shape: tuple[int, int, int, int], partial: bool) -> NDArra
             raise CaptureFormatError(message)
         warn_or_raise(message, partial)
     if missing < 0:
-        warn_or_raise(
-            f"'{path}' has {-missing:,} bytes after its {found[0]} frames (from byte {path.stat().st_size + missing:,} "
-            "on): its header is of another array",
-            partial,
-        )
+        after = path.stat().st_size + missing
+        message = f"'{path}' has {-missing:,} bytes after its {found[0]} frames (from byte {after:,} on)"
+        warn_or_raise(f"{message}: its header is of another array", partial)
     if present == 0:
         raise CaptureFormatError(f"'{path}' holds no frame")
     return np.memmap(path, dtype=dtype, mode="r", offset=start, shape=(present, *shape))

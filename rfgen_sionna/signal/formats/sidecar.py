@@ -1,8 +1,10 @@
-"""The file beside a capture that says what its own format cannot: scale, times, seed and the radar in full."""
+"""The `.rfgen.json` of a capture: scale, times, seed and radar; its comparison with the configuration of the tool."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,26 +15,26 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import CaptureFormatError, full_scale_dbm
-from rfgen_sionna.signal.formats.files import read_json, write_json
-from rfgen_sionna.signal.formats.frames import frame_shape
+from rfgen_sionna.signal.formats.files import read_json, warn_or_raise
 
 SUFFIX = ".rfgen.json"
 _FORMAT, _VERSION = "rfgen-capture", 1
+_ROUNDING = 1e-9  # relative difference of equal numbers in the text of two tools
 
 
 def periodic_times(frames: int, radar: Radar) -> FloatArray:
-    """(frames,) one frame period after the other, from 0 [s]."""
+    """(frames,) multiples of the frame period, from 0 [s]."""
     return np.asarray(np.arange(frames) * radar.waveform.frame_period, dtype=np.float64)
 
 
 @dataclass(frozen=True)
 class Description:
-    """Facts about a capture beside its samples."""
+    """Radar, scale and times of a capture."""
 
     radar: Radar
     scale: float | None
     frame_times: FloatArray | None
-    """None where nothing says when frames were taken, or how many there are."""
+    """(frame,) start of each frame [s]; None where neither times nor number of frames are declared."""
     seed: int | None
     iq_swap: bool = False
     """Whether Q stands before I."""
@@ -42,10 +44,8 @@ class Description:
         return None if self.frame_times is None else len(self.frame_times)
 
     def times(self, frames: int) -> FloatArray:
-        """(frames,) start of each frame [s]: as declared, else one period after the other."""
-        if self.frame_times is None:
-            return periodic_times(frames, self.radar)
-        return self.frame_times[:frames]
+        """(frames,) start of each frame [s]: as declared, else multiples of the frame period."""
+        return periodic_times(frames, self.radar) if self.frame_times is None else self.frame_times[:frames]
 
 
 def find_description(
@@ -57,27 +57,25 @@ def find_description(
 ) -> Description:
     """Description of the capture in `data`, from its sidecar, else from `radar` and the tool's own configuration.
 
-    `check_config` compares the tool's configuration with the sidecar where there are both.
+    `check_config` compares the tool's configuration with an existing sidecar.
 
     Raises
     ------
     CaptureFormatError
-        There is no sidecar, and no `radar` either; or `radar` is not the one that took it.
+        Neither a sidecar nor a `radar` is given; or `radar` has frames of another shape.
     """
     if sidecar.is_file():
-        known = read_sidecar(sidecar)
+        known = from_record(read_json(sidecar), f"'{sidecar}'")
         if check_config is not None:
             check_config(known)
         return with_radar(known, radar, data)
     if radar is None:
-        raise CaptureFormatError(
-            f"'{data}' has no '{sidecar.name}' beside it that says which radar took it: pass radar="
-        )
+        raise CaptureFormatError(f"'{data}' has no '{sidecar.name}' beside it with its radar: pass radar=")
     return read_config(radar)
 
 
 def describe(cube: AdcCube, capture_format: str, scale: float | None, full_scale: int | None) -> dict[str, Any]:
-    """The record that makes a capture of `cube` readable without anything else."""
+    """Record of the sidecar of a capture of `cube`."""
     return {
         "format": _FORMAT,
         "version": _VERSION,
@@ -92,23 +90,14 @@ def describe(cube: AdcCube, capture_format: str, scale: float | None, full_scale
     }
 
 
-def write_sidecar(path: Path, record: dict[str, Any]) -> None:
-    write_json(path, record)
-
-
-def read_sidecar(path: Path) -> Description:
-    """Description in a file that :func:`describe` made.
+def from_record(record: dict[str, Any], what: str) -> Description:
+    """Inverse of :func:`describe`; `what` names the record in errors.
 
     Raises
     ------
     CaptureFormatError
-        Naming what it lacks, or what cannot be.
+        Naming the missing or invalid field.
     """
-    return from_record(read_json(path), f"'{path}'")
-
-
-def from_record(record: dict[str, Any], what: str) -> Description:
-    """The same of a record that lies elsewhere; `what` names it in errors."""
     if record.get("format") != _FORMAT or record.get("version") != _VERSION:
         raise CaptureFormatError(
             f"{what} is of format {record.get('format')!r} version {record.get('version')!r}; "
@@ -135,19 +124,124 @@ def from_record(record: dict[str, Any], what: str) -> Description:
 
 
 def with_radar(known: Description, radar: Radar | None, path: Path) -> Description:
-    """The description with the caller's radar for the declared one, if the frames are of the same shape.
+    """Description with the caller's radar in place of the declared one; another frame shape is an error."""
+    if radar is None:
+        return known
+    ours, theirs = radar.frame_shape, known.radar.frame_shape
+    if ours != theirs or radar.waveform.slot_axis != known.radar.waveform.slot_axis:
+        raise CaptureFormatError(
+            f"radar '{radar.name}' gives frames (chirp, tx, rx, sample) of {ours}, firing {radar.waveform.slot_axis}; "
+            f"'{path}' was taken with {theirs}, firing {known.radar.waveform.slot_axis}: leave `radar` out"
+        )
+    return Description(radar, known.scale, known.frame_times, known.seed)
+
+
+def check_json(path: Path, wanted: dict[str, Any], fields: Collection[str], sidecar: Path, partial: bool) -> None:
+    """Compare `fields`, at any depth of a JSON file, with `wanted`, the configuration that the sidecar gives.
 
     Raises
     ------
     CaptureFormatError
-        They are not.
+        Naming the first field that differs or is missing; with `partial` it is a warning, and the sidecar counts.
     """
-    if radar is None:
-        return known
-    ours, theirs = frame_shape(radar), frame_shape(known.radar)
-    if ours != theirs or radar.waveform.slot_axis != known.radar.waveform.slot_axis:
-        raise CaptureFormatError(
-            f"radar '{radar.name}' gives frames (chirp, tx, rx, sample) of {ours}, firing {radar.waveform.slot_axis}; "
-            f"'{path}' was taken with {theirs}, firing {known.radar.waveform.slot_axis}: leave `radar` out to take its"
-        )
-    return Description(radar, known.scale, known.frame_times, known.seed)
+    if not path.is_file():
+        return
+    try:
+        found = read_json(path)
+    except CaptureFormatError as error:
+        warn_or_raise(str(error), partial)
+        return
+    _report(path, next(_differences(wanted, found, fields, ""), None), sidecar, partial)
+
+
+def check_xml(path: Path, wanted: bytes, ignored: Collection[str], sidecar: Path, partial: bool) -> None:
+    """:func:`check_json` for an XML file: all elements and attributes of `wanted` that are not `ignored`."""
+    if not path.is_file():
+        return
+    try:
+        found = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two: unknown encodings
+        warn_or_raise(f"'{path}' is not XML: {error}", partial)
+        return
+    _report(path, next(_elements(ElementTree.fromstring(wanted), found, ignored), None), sidecar, partial)
+
+
+def _report(path: Path, difference: tuple[str, Any, Any] | None, sidecar: Path, partial: bool) -> None:
+    if difference is not None:
+        field, found, wanted = difference
+        state = "is missing" if found is None else f"is {found!r}"
+        warn_or_raise(f"'{path}': {field} {state}; {wanted!r} by '{sidecar.name}' beside it", partial)
+
+
+def _differences(wanted: Any, found: Any, fields: Collection[str], where: str) -> Iterator[tuple[str, Any, Any]]:
+    if isinstance(wanted, dict):
+        if not isinstance(found, dict):
+            yield where, found, wanted
+            return
+        for key, value in wanted.items():
+            inside = f"{where}.{key}" if where else key
+            if isinstance(value, (dict, list)):
+                if _has(value, fields):
+                    yield from _differences(value, found.get(key), fields, inside)
+            elif key in fields and not _same(value, found.get(key)):
+                yield inside, found.get(key), value
+    elif not isinstance(found, list):
+        yield where, found, wanted
+    else:
+        for index, value in enumerate(wanted):
+            other = found[index] if index < len(found) else None
+            if isinstance(value, (dict, list)):
+                yield from _differences(value, other, fields, f"{where}[{index}]")
+            elif not _same(value, other):
+                yield f"{where}[{index}]", other, value
+        if len(found) > len(wanted):
+            yield f"the number of {where}", len(found), len(wanted)
+
+
+def _has(value: Any, fields: Collection[str]) -> bool:
+    """Whether a field is anywhere inside; an empty list counts, by its length."""
+    if isinstance(value, dict):
+        return any(key in fields or _has(inner, fields) for key, inner in value.items())
+    return isinstance(value, list) and (not value or any(_has(inner, fields) for inner in value))
+
+
+def _same(wanted: Any, found: Any) -> bool:
+    """Whether values are equal, as numbers (hexadecimal texts included) where both are."""
+    numbers = [_number(value) for value in (wanted, found)]
+    if None not in numbers:
+        return math.isclose(*numbers, rel_tol=_ROUNDING, abs_tol=1e-15)  # type: ignore[arg-type]
+    return type(wanted) is type(found) and bool(wanted == found)
+
+
+def _number(value: Any) -> float | None:
+    if isinstance(value, bool) or value is None:
+        return None
+    try:
+        if isinstance(value, str) and value.lower().startswith("0x"):
+            return float(int(value, 16))
+        return float(value)
+    except (TypeError, ValueError):
+        return None
+
+
+def _elements(wanted: Any, found: Any, ignored: Collection[str]) -> Iterator[tuple[str, Any, Any]]:
+    for element, path in _leaves(wanted, ""):
+        if element.tag in ignored:
+            continue
+        other = found.find(path)
+        for name, value in element.attrib.items():
+            held = None if other is None else other.get(name)
+            if not _same(value, held):
+                yield f"{path}/@{name}", held, value
+        text, held = (element.text or "").strip(), None if other is None else (other.text or "").strip()
+        if not element.attrib and not _same(text, held):
+            yield path, held, text
+
+
+def _leaves(element: Any, path: str) -> Iterator[tuple[Any, str]]:
+    for child in element:
+        inside = f"{path}/{child.tag}" if path else child.tag
+        if len(child):
+            yield from _leaves(child, inside)
+        else:
+            yield child, inside

@@ -1,8 +1,8 @@
-"""The JSON that mmWave Studio keeps beside its captures: `<name>.mmwave.json` and `<name>.setup.json`.
+"""Configuration files of mmWave Studio: `<name>.mmwave.json` and `<name>.setup.json`.
 
-Field names, units in them and the values that its readers check are those of TI's own MATLAB readers (`rawDataReader`
-of mmWave Studio, `JsonParser` of the cascade examples) and of the mmWaveLink interface. What this package does not
-simulate (receive gain, back-off, filters, lanes) has mmWave Studio's defaults.
+Field names, units and checked values follow TI's MATLAB readers (`rawDataReader` of mmWave Studio, `JsonParser` of the
+cascade examples) and the mmWaveLink interface. Receive gain, back-off, filters and lanes, which this package does not
+simulate, have mmWave Studio's defaults.
 """
 
 from __future__ import annotations
@@ -32,10 +32,8 @@ _FRAME_WAVEFORMS = ("legacyFrameChirp", "singleFrameChirp")
 
 
 def studio_config(radar: Radar, frames: int, devices: int = 1) -> dict[str, Any]:
-    """The content of `.mmwave.json` for `frames` frames of `radar` on one device or on four in cascade.
-
-    No time of creation is written: the same capture gives the same file.
-    """
+    """Content of `.mmwave.json` for `frames` frames of `radar` on one device or on four in cascade; no time of
+    creation."""
     what = "one device" if devices == 1 else f"a cascade of {devices} devices"
     tx = channel_numbers(radar.tx_names, "TX", TX_PER_DEVICE * devices, what)
     rx = channel_numbers(radar.rx_names, "RX", RX_PER_DEVICE * devices, what)
@@ -137,7 +135,7 @@ def _device(
 
 
 def setup_config(radar: Radar, data: Path, config: Path) -> dict[str, Any]:
-    """The content of `.setup.json`: which files belong together. Names are relative, so that the folder may move."""
+    """Content of `.setup.json`: the files of a capture, relative to its folder."""
     return {
         "createdByVersion": "rfgen_sionna",
         "mmWaveDevice": radar.name.lower(),
@@ -165,24 +163,24 @@ class StudioConfig:
 
     radar: Radar
     frames: int | None
-    """None where the radar was to run until it is stopped."""
+    """None where the radar runs until it is stopped."""
     iq_swap: bool
     """Whether Q stands before I."""
 
 
 def radar_from_studio(path: Path, hardware: Radar) -> Radar:
-    """`hardware` with the waveform and the Tx elements that a `.mmwave.json` tells.
+    """`hardware` with the waveform and the Tx elements of a `.mmwave.json`.
 
     Raises
     ------
     CaptureFormatError
-        Naming the field that is missing, or that this package cannot follow.
+        Naming the field that is missing or not supported.
     """
     return read_studio(path, hardware).radar
 
 
 def read_studio(path: Path, hardware: Radar, devices: int = 1) -> StudioConfig:
-    """Read a `.mmwave.json`, its own or mmWave Studio's; `hardware` gives positions, pattern, power and noise."""
+    """Read a `.mmwave.json`; `hardware` gives positions, pattern, power and noise."""
     config = read_json(path)
     try:
         return _parse(config, hardware, devices)
@@ -267,5 +265,5 @@ def _bits(channels: Sequence[int], count: int) -> int:
 
 
 def _scaled(value: float, unit: float) -> float:
-    """`value` in `unit`, without the digits that the division leaves behind."""
+    """`value` in `unit`, without rounding errors of the division."""
     return float(f"{value / unit:.13g}")

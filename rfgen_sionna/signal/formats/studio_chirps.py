@@ -1,8 +1,8 @@
-"""Slots as mmWave Studio's JSON lists them: chirps of a profile, the Tx that they enable, BPM and phase shifters.
+"""Slots in mmWave Studio's JSON: chirps of a profile, their enabled Tx, BPM and phase shifters.
 
 A device has up to 512 chirps a loop, each with its Tx (`txEnable`), their signs (`rlBpmChirps`, a bit pair for each Tx:
-between and during chirps) and their phase shifts (`rlRfPhaseShiftCfgs`, 5.625 degrees a step). Phases that advance from
-loop to loop are written out: the chirps of as many loops as it takes until the phases come round are one longer loop.
+between and during chirps) and their phase shifts (`rlRfPhaseShiftCfgs`, 5.625 degrees a step). Where phases advance
+from loop to loop, the loops of one period of the phases become one longer loop.
 """
 
 from __future__ import annotations
@@ -17,44 +17,18 @@ from rfgen_sionna.radar import Profile, Slot, Waveform
 from rfgen_sionna.signal.formats.capture import CaptureFormatError
 
 TX_PER_DEVICE, RX_PER_DEVICE = 3, 4
-PHASE_STEP = 5.625
-MOST_CHIRPS = 512
-MOST_PROFILES = 4
-CHECKED_FIELDS = frozenset(
-    (
-        "mmWaveDeviceId",
-        "waveformType",
-        "rxChannelEn",
-        "b2AdcBits",
-        "b2AdcOutFmt",
-        "profileId",
-        "startFreqConst_GHz",
-        "idleTimeConst_usec",
-        "adcStartTimeConst_usec",
-        "rampEndTime_usec",
-        "freqSlopeConst_MHz_usec",
-        "numAdcSamples",
-        "digOutSampleRate",
-        "chirpStartIdx",
-        "chirpEndIdx",
-        "startFreqVar_MHz",
-        "freqSlopeVar_KHz_usec",
-        "idleTimeVar_usec",
-        "adcStartTimeVar_usec",
-        "txEnable",
-        "constBpmVal",
-        "tx0PhaseShift",
-        "tx1PhaseShift",
-        "tx2PhaseShift",
-        "numLoops",
-        "numFrames",
-        "framePeriodicity_msec",
-        "iqSwapSel",
-        "chInterleave",
-        "laneEn",
-    )
+FULL_SCALE = 1 << 15  # of the devices' 16-bit words [LSB]
+PHASE_STEP = 5.625  # of the Tx phase shifters [degrees], 6 bits
+MOST_CHIRPS = 512  # a loop, of one device (mmWaveLink interface)
+MOST_PROFILES = 4  # of one device (mmWaveLink interface)
+_FIELDS = (
+    "mmWaveDeviceId waveformType rxChannelEn b2AdcBits b2AdcOutFmt profileId startFreqConst_GHz idleTimeConst_usec "
+    "adcStartTimeConst_usec rampEndTime_usec freqSlopeConst_MHz_usec numAdcSamples digOutSampleRate chirpStartIdx "
+    "chirpEndIdx startFreqVar_MHz freqSlopeVar_KHz_usec idleTimeVar_usec adcStartTimeVar_usec txEnable constBpmVal "
+    "tx0PhaseShift tx1PhaseShift tx2PhaseShift numLoops numFrames framePeriodicity_msec iqSwapSel chInterleave laneEn"
 )
-"""Fields that say what a capture holds; gains, filters and the like may be another's without harm."""
+CHECKED_FIELDS = frozenset(_FIELDS.split())
+"""Fields that determine the samples or their layout. Others, such as gains and filters, may differ."""
 
 
 @dataclass(frozen=True)
@@ -67,17 +41,17 @@ class StudioChirp:
 
 
 def chirps_of(wave: Waveform, numbers: Sequence[int]) -> tuple[list[StudioChirp], int]:
-    """The chirps of a loop, and the number of loops; `numbers` are those of the Tx, from 1.
+    """Chirps of a loop, and the number of loops; `numbers` are the numbers of the Tx, from 1.
 
     Raises
     ------
     CaptureFormatError
-        If the device cannot do that.
+        If the device has no such frame.
     """
     if wave.separated or wave.slot_starts is not None or wave.loop_time is not None:
         raise CaptureFormatError(
-            "the frame has times of its own (slot_starts, loop_time) or was demultiplexed; on the board chirps follow "
-            "each other: write the cube as it was sampled"
+            "the frame sets slot_starts or loop_time, or was demultiplexed; on the board chirps follow each other: "
+            "write the cube as sampled"
         )
     if len(wave.profiles) > MOST_PROFILES:
         raise CaptureFormatError(f"the frame has {len(wave.profiles)} profiles; the device has {MOST_PROFILES}")
@@ -91,7 +65,7 @@ def chirps_of(wave: Waveform, numbers: Sequence[int]) -> tuple[list[StudioChirp]
     )
     if period * len(wave.slots) > MOST_CHIRPS:
         raise CaptureFormatError(
-            f"the phases of the slots come round after {period} loops: {period * len(wave.slots)} chirps a loop, the "
+            f"the phases of the slots repeat after {period} loops: {period * len(wave.slots)} chirps a loop, the "
             f"device has {MOST_CHIRPS}"
         )
     chirps = [
@@ -108,7 +82,7 @@ def _repeats(table: Any, period: int) -> bool:
 
 
 def chirp_tables(chirps: Sequence[StudioChirp], device: int) -> dict[str, list[dict[str, Any]]]:
-    """The lists `rlChirps`, `rlBpmChirps` and `rlRfPhaseShiftCfgs` of one device."""
+    """Lists `rlChirps`, `rlBpmChirps` and `rlRfPhaseShiftCfgs` of one device."""
     first = TX_PER_DEVICE * device + 1
     tables: dict[str, list[dict[str, Any]]] = {"rlChirps": [], "rlBpmChirps": [], "rlRfPhaseShiftCfgs": []}
     signs_only = all(phase in (0.0, 180.0) for chirp in chirps for phase in chirp.phases.values())
@@ -150,7 +124,7 @@ def _steps(phase: float) -> int:
 
 
 def read_chirps(records: Sequence[dict[str, Any]], first: int, last: int) -> list[StudioChirp]:
-    """The chirps `first` … `last` of all devices together."""
+    """Chirps `first` … `last` of all devices together."""
     chirps = []
     for index in range(first, last + 1):
         profiles: set[int] = set()
@@ -195,7 +169,7 @@ def _turn(phases: dict[int, float], place: int, shifts: Mapping[int, float]) -> 
 
 
 def slots_of(chirps: Sequence[StudioChirp], fired: Sequence[int]) -> tuple[tuple[int, ...], tuple[Slot, ...]]:
-    """`tx_order` and `slots` of a waveform (one of them is empty); `fired` are the numbers of its Tx elements."""
+    """`tx_order` and `slots` of a waveform, one of them empty; `fired` are the numbers of its Tx elements."""
     alone = [next(iter(chirp.phases)) for chirp in chirps if len(chirp.phases) == 1]
     plain = len(alone) == len(set(alone)) == len(chirps) and not any(
         chirp.profile or any(chirp.phases.values()) for chirp in chirps
@@ -206,7 +180,7 @@ def slots_of(chirps: Sequence[StudioChirp], fired: Sequence[int]) -> tuple[tuple
 
 
 def read_profiles(entries: Sequence[dict[str, Any]]) -> tuple[list[Profile], int]:
-    """The profiles in the order of their numbers, and the number of samples that they share."""
+    """Profiles in the order of their numbers, and their common number of samples."""
     if not entries:
         raise ValueError("rlProfiles has 0 profiles; one at least is needed")
     tables = sorted((entry["rlProfileCfg_t"] for entry in entries), key=lambda table: int(table["profileId"]))
@@ -228,5 +202,5 @@ def read_profiles(entries: Sequence[dict[str, Any]]) -> tuple[list[Profile], int
 
 
 def number(value: Any) -> int:
-    """An integer, or the text of a hexadecimal one."""
+    """Integer from a number or a hexadecimal text."""
     return int(value, 16) if isinstance(value, str) else int(value)

@@ -105,7 +105,7 @@ def test_without_a_word_on_the_radar_one_is_asked_for(tmp_path: Path, capture_fo
     radar = {"cascade": cascade(), "position2go": position2go()}.get(capture_format, awr1843())
     cube = lsb_cube(radar, 2, 1000)
     as_from_a_board(cube, tmp_path, capture_format)
-    with pytest.raises(CaptureFormatError, match=r"says which radar took it: pass radar="):
+    with pytest.raises(CaptureFormatError, match=r"beside it with its radar: pass radar="):
         open_capture(tmp_path)
     for config in [*tmp_path.glob("*.json"), *tmp_path.glob("*.xml")]:
         config.unlink()

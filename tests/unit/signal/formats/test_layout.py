@@ -43,7 +43,7 @@ def test_dca1000_two_i_then_two_q_slot_by_slot_as_fired(tmp_path: Path) -> None:
 
 def test_dca1000_has_no_frames_of_a_position2go(tmp_path: Path) -> None:
     cube = lsb_cube(position2go(), 1, 100)
-    message = r"radar 'position2go'.* is at 24\.\d+ GHz; .* 57 … 64 GHz and 76 … 81 GHz: 'position2go' is the format"
+    message = r"radar 'position2go'.* is at 24\.\d+ GHz; .* 57 … 64 GHz and 76 … 81 GHz: take 'position2go'"
     with pytest.raises(CaptureFormatError, match=message):
         write_capture(cube, tmp_path, "dca1000")
     assert not list(tmp_path.iterdir())
