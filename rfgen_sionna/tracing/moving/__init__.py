@@ -1,24 +1,22 @@
-"""What moves, over stretches of time.
+"""Actors over an interval of time, in the order of the stages.
 
-============  ==============================================================
-module        what
-============  ==============================================================
-`knots`       at which times delays are known
-`sample_times`    at which gains and shadows are traced
-`facets`      facets as fine as the motion asks for
-`clusters`     small neighbouring facets that make one path
-`faint`       facets that return next to nothing
-`views`       how much of facets is seen, from the phase centre and by pairs
-`sight`       what is seen at some instants
-`per_element`  what pairs of elements see from their own places
-`slab_edges`  what slabs let through beside the edges of their shadows
-`returns`     what it returns
-`fading`      what goes behind something, when it is seen best
-`missed`      errors of splines between instants
-`refinement`     looks between instants, where shadows' edges pass
-`indirect`     what is seen by further ways: mirrors, slabs, bent surfaces
-`interval`     what is known of a stretch while it is traced
-`precision`   facets and expansion as fine as the tolerance asks for
-`parts`       all of it
-============  ==============================================================
+=========================  ============================================================================
+module                     contents
+=========================  ============================================================================
+`knots`                    times at which delays are known; errors of splines between times
+`sample_times`             times at which gains and visibility are traced
+`moving_facets`            facets of actors, refined as the motion demands; paths of facets
+`clusters`                 small neighbouring facets that share a path
+`culling`                  negligible facets
+`visible_facets`           facets with their visible fraction
+`moving_visibility`        visibility from the phase centre
+`per_element_visibility`   visibility from single elements
+`slab_transmission`        transmission of slabs beside shadow boundaries
+`facet_returns`            returns of facets with the shadow weight (visible fraction) applied
+`temporal_refinement`      additional times for facets that a shadow boundary crosses; its time error
+`indirect_paths`           ghosts, planar reflectors, slabs, specular double bounces
+`interval`                 data of an interval during its trace
+`error_control`            facets and expansion as fine as the tolerance demands
+`moving_trace`             all of it: `MovingTracer`
+=========================  ============================================================================
 """

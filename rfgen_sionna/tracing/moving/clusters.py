@@ -1,8 +1,8 @@
-"""Small neighbouring facets that return as one path.
+"""Clusters: small neighbouring facets that share one path.
 
-A mesh has facets of a few millimetres, on hands and faces, beside some ten times as wide. Each is integrated by itself,
-but what those within a patch no wider than the larger facets return is as smooth over the band, the array and time as
-what one of these does: with the phase of one of them, its *leader*, they add up before paths are made of them.
+A mesh has facets of a few millimetres next to facets ten times as wide. Each is integrated by itself. The sum over a
+patch no wider than the larger facets is as smooth over band, array and time as the return of one of these: with the
+phase of one facet, the *cluster head*, the returns add up to one path.
 """
 
 from __future__ import annotations
@@ -24,25 +24,26 @@ from rfgen_sionna.tracing.surface.surfaces import Surface
 from rfgen_sionna.tracing.surface.tessellate import Tessellation
 
 CLUSTER_SHARE = 1.9
-"""Width of a patch over the mean of its mesh's facets' longest edges, by area, per fourth root of the tolerance, as
-cubics err by the fourth power."""
+"""Cluster width over the area-weighted mean of the facets' longest edges, per fourth root of the tolerance, as the
+error of cubics grows with the fourth power."""
 BAND_PHASE = 3.2
-"""Phase [rad] by which an end of the band turns the near end of a patch against its far end; likewise."""
+"""Largest phase [rad] between the near and the far end of a cluster at an end of the band, per fourth root of the
+tolerance."""
 ARRAY_PHASE = 1.0
-"""Phase [rad] by which an outermost element turns one end of a patch against the other; likewise."""
+"""Largest phase [rad] between the ends of a cluster at an outermost element, per fourth root of the tolerance."""
 
 CLUSTERED_PER_RTOL = 0.3
-"""What a facet's return may err by between instants, per unit of the tolerance, for going by another one's path: those
-of a body that spins err alike."""
+"""Allowed error of a facet's return on another facet's path between sample times, per unit of the tolerance; below 1,
+as the errors of a spinning body add up."""
 
 
 class FacetClusters:
-    """Which facets of moving surfaces go by whose path.
+    """Cluster heads of the facets of moving surfaces.
 
     Parameters
     ----------
     band
-        Gives the band, the array and what the antennas make of directions.
+        Band, array and pattern gain.
     viewpoint
         (3,) phase centre of the radar [m].
     rtol
@@ -61,8 +62,8 @@ class FacetClusters:
         vertices: Sequence[FloatArray],
         distance: FloatArray,
     ) -> None:
-        """Choose the leaders of all facets, which `pieces` has of each of the `surfaces`, with their `vertices`
-        (vertex, 3) [m] and the range of the nearest, `distance` (surface,) [m]."""
+        """Form clusters of all facets, `pieces` of each of the `surfaces` with `vertices` (vertex, 3) [m] at least at a
+        `distance` (surface,) [m]."""
         band, found, first = self._band, [np.zeros(0, np.intp)], 0
         for piece, points, surface, nearest in zip(pieces, vertices, surfaces, distance.tolist(), strict=True):
             own = np.arange(len(piece.face))
@@ -78,9 +79,9 @@ class FacetClusters:
         self.cluster_head = np.concatenate(found)
 
     def heads_over_interval(self, centroids: Sequence[FloatArray], selected: NDArray[np.intp]) -> NDArray[np.intp]:
-        """(selected,) the facet whose path each of those `selected` adds to over a stretch with `centroids` (facet, 3) [m] at
-        its instants: those that turn against it too fast for a spline in time have a path of their own, and so has each
-        at a single instant, where a path goes on at its own rate."""
+        """(selected,) cluster head of each of the `selected` facets over an interval with `centroids` (facet, 3) [m] at
+        the sample times. Facets whose phase against the head changes too fast for a spline head their own path, as do
+        all facets at a single sample time, where each path has its own delay rate."""
         if len(centroids) == 1:
             return selected
         cluster_head = self.cluster_head[selected]
@@ -96,9 +97,8 @@ class FacetClusters:
     def relative_pattern_gain(
         self, visible: VisibleFacets, selected: NDArray[np.intp], cluster_head: NDArray[np.intp]
     ) -> FloatArray:
-        """(selected,) the antennas' field gain towards each facet of those `selected`, over that towards its `cluster_head`
-        (selected,),
-        which a path has."""
+        """(selected,) antenna field gain towards each of the `selected` facets over that towards its `cluster_head`
+        (selected,)."""
         found, other = np.ones(len(selected)), np.flatnonzero(cluster_head != selected)
         heads = cluster_head[other]
         own, there = visible.weight[selected[other]], visible.weight[heads]
@@ -109,14 +109,14 @@ class FacetClusters:
 
 
 def max_cluster_width(frequency: float, half_band: float, aperture: float, distance: float, rtol: float) -> float:
-    """Width [m] that a patch may have for the radar.
+    """Largest width [m] of a cluster.
 
     Parameters
     ----------
     frequency, half_band
-        Highest frequency and half the band that is sampled [Hz].
+        Highest frequency and half the sampled band [Hz].
     aperture
-        Distance of the outermost virtual elements from the middle, Tx and Rx displacements added up [m].
+        Largest sum of Tx and Rx displacement from the phase centre [m].
     distance
         Range of the nearest facets [m].
     rtol
@@ -130,25 +130,25 @@ def max_cluster_width(frequency: float, half_band: float, aperture: float, dista
 def cluster_heads(
     vertices: FloatArray, faces: IntArray, parts: IntArray, whole: IntArray, most: float, rtol: float
 ) -> IntArray:
-    """(face,) the face that leads the patch that each belongs to; itself where it is alone.
+    """(face,) head of each face's cluster; the face itself where it is alone.
 
     Parameters
     ----------
     vertices, faces
         (vertex, 3) [m] and (face, 3).
     parts
-        (face,) part of the body; patches do not reach from one to the next.
+        (face,) body part; clusters do not span parts.
     whole
-        Faces that are facets as a whole; others stay alone.
+        Faces that are one facet each; others stay alone.
     most
-        Width [m] that no patch may exceed.
+        Largest width of a cluster [m].
     rtol
         Relative tolerance.
 
     Notes
     -----
-    Patches are what of the mesh hangs together within cells of a lattice that stands on the widest face, so that they
-    do not depend on where the mesh is.
+    Clusters are the connected parts of the mesh within the cells of a lattice in the frame of the widest face, so that
+    they do not depend on the pose.
     """
     alone = np.arange(len(faces), dtype=np.int32)
     if len(whole) < 2:

@@ -1,8 +1,8 @@
-"""Facets that return next to nothing beside the others of their surface.
+"""Culling of facets with a negligible return.
 
-Most of what a body returns comes from where it mirrors the radar, and most of its facets lie aslant: about how much
-each returns follows from its corners, before it is looked at or integrated. The faintest are left out, until all of
-them together would matter.
+A body returns most where its surface is specular for the radar; most of its facets are oblique. The return of each
+follows approximately from its corners, before visibility and integration. The weakest facets are omitted as long as
+their sum is negligible.
 """
 
 from __future__ import annotations
@@ -21,35 +21,41 @@ from rfgen_sionna.tracing.surface.facet_positions import estimate_returns, off_a
 from rfgen_sionna.tracing.surface.facets import Facets
 
 CULLED_PER_RTOL, CURVED_FACTOR = 0.2, 2.0
-"""What facets that are left out return, one by one and by
-:func:`rfgen_sionna.tracing.surface.facet_positions.estimate_returns`, over
-what the body does, per unit of the tolerance. Flat ones do return up to twice that; and how many times as much it may
-be of round bodies, whose facets return no more than loudness tells that knows how they are bent."""
+"""Return of omitted facets over that of the surface, both by
+:func:`rfgen_sionna.tracing.surface.return_estimates.estimate_returns`, per unit of the tolerance: flat surfaces return
+up to twice the estimate. The second is a factor for curved ones, whose estimates account for curvature."""
 NONREFLECTING = 1e-9
-"""Reflection coefficient below which a surface is taken for none."""
+"""Reflection coefficient below which a surface counts as nonreflecting."""
 LEAST_RTOL = 5e-3
-"""Tolerance below which so few facets are that faint that to look for them takes longer."""
+"""Tolerance below which too few facets are negligible for culling to pay off."""
 WIDE_ARRAY_PHASE = 0.6
-"""Phase [rad] by which elements of an array may turn a facet without anybody asking what they see of it."""
+"""Phase [rad] between the elements over a facet above which the estimate accounts for the array."""
 
 
 class FacingFacets(NamedTuple):
-    """Facets that look at the radar, within the range window."""
+    """Facets that face the radar within the range window."""
 
     chosen: NDArray[np.intp]
     """(chosen,) ascending."""
     weight: FloatArray
-    """(chosen,) the antennas' two-way field gain towards each, over the largest."""
+    """(chosen,) two-way antenna field gain towards each, over the largest."""
 
     def of(self, some: NDArray[np.intp]) -> FacingFacets:
+        """The facets with indices `some`."""
         return FacingFacets(self.chosen[some], self.weight[some])
 
 
 class ReturnBounds:
-    """About what facets return, by their corners.
+    """Estimates and upper bounds of facets' returns, from their corners.
 
-    `viewpoint` (3,) is the radar's phase centre [m], `wavenumber` that of the highest frequency [rad/m], and `aperture`
-    what displacements of its elements from the middle of the array add up to [m].
+    Parameters
+    ----------
+    viewpoint
+        (3,) phase centre of the radar [m].
+    wavenumber
+        At the highest frequency [rad/m].
+    aperture
+        Largest sum of the displacements of a Tx and an Rx element from the phase centre [m].
     """
 
     def __init__(self, viewpoint: FloatArray, wavenumber: float, aperture: float) -> None:
@@ -57,17 +63,18 @@ class ReturnBounds:
         self._of_curved, self._widest = np.zeros(0, np.intp), 0.0
 
     def form(self, corners: Sequence[FloatArray], of_curved: NDArray[np.intp]) -> None:
-        """The facets have these `corners` (facet, 3, 3) [m], those of each surface; `of_curved` are pieces of bent
-        faces."""
+        """Set the `corners` (facet, 3, 3) [m] of each surface's facets; `of_curved` are pieces of curved faces."""
         away = [np.maximum(lengths(each[:, 0] - self._viewpoint), 1e-9) for each in corners]
         wide = [lengths(each - each[:, [1, 2, 0]]).max(axis=1) / far for each, far in zip(corners, away, strict=True)]
         self._of_curved, self._widest = of_curved, max((float(each.max(initial=0.0)) for each in wide), default=0.0)
 
     def of(self, facets: Facets, facing: FacingFacets) -> tuple[FloatArray, FloatArray]:
-        """(chosen,) about what those `facing` return, antennas included, and what they may: a wide array sees them from
-        other sides as well, over a facet that is integrated in parts the phase bends, so that one part alone may return
-        most, where bent ones turn out of sight some corner looks at the radar more than the flat facet does, and of
-        pieces of bent faces corners do not tell it."""
+        """(chosen,) estimated return of each of the `facing` facets with the antenna gain, and its upper bound.
+
+        The bound is larger for a wide array, whose elements differ in aspect; for facets that are integrated in parts,
+        one of which may return most; for curved facets, whose corners may face the radar more than the flat facet; and
+        infinite for pieces of curved faces.
+        """
         chosen = facing.chosen
         if facets.return_estimate is None:
             raise ValueError("facets: how loud they are is not known")
@@ -87,8 +94,8 @@ class ReturnBounds:
 
 
 def specular_reflectance(material: Material, frequencies: FloatArray) -> float:
-    """What a surface reflects where it mirrors the radar, at the worst of the `frequencies` [Hz], over what it may
-    where it lies aslant; 0 where it is rough, as then it scatters from everywhere."""
+    """Specular over largest oblique reflection at the worst of the `frequencies` [Hz]; 0 for rough surfaces, which
+    scatter from everywhere."""
     if material.scattering_coefficient != 0:
         return 0.0
     number, straight = np.zeros(1, np.int32), np.ones(1)
@@ -96,8 +103,8 @@ def specular_reflectance(material: Material, frequencies: FloatArray) -> float:
 
 
 def is_nonreflecting(material: Material, frequencies: FloatArray) -> bool:
-    """Whether a surface returns nothing but what rounding leaves, at any angle and any of the `frequencies` [Hz]: one
-    of air, which no tolerance can be relative to."""
+    """Whether a surface returns nothing at any angle and any of the `frequencies` [Hz], as one of air: no tolerance can
+    be relative to rounding errors."""
     if material.scattering_coefficient != 0:
         return False
     angles = np.array([1.0, 0.5, 0.1, 0.02])
@@ -110,10 +117,23 @@ def cull_weakest(
     allowed: FloatArray,
     waves: Callable[[NDArray[np.intp]], ComplexArray],
 ) -> tuple[NDArray[np.bool_], FloatArray]:
-    """(facet,) which facets of each `surface` (facet,) are so faint, by how `return_estimate` (facet,) they are, that
-    all of them
-    together return no more than is `allowed` (surface,), whether they do not interfere or add up as those do that
-    look at the radar last all around a ball, by the `waves` (facet,) that some return; and (surface,) what they do."""
+    """Negligible facets of each `surface` (facet,).
+
+    Parameters
+    ----------
+    return_estimate
+        (facet,) upper bounds of the returns.
+    surface
+        (facet,) surface of each facet.
+    allowed
+        (surface,) largest sum of the omitted returns, incoherent and coherent.
+    waves
+        Facet indices to complex returns (facet,), for the coherent sum.
+
+    Returns
+    -------
+    (facet,) whether each facet is omitted, and (surface,) the sum of the omitted returns.
+    """
     found, left = np.zeros(len(return_estimate), np.bool_), np.zeros(len(allowed))
     for number, most in enumerate(allowed.tolist()):
         some = np.flatnonzero((return_estimate < most) & (return_estimate > 0) & (surface == number))

@@ -1,4 +1,4 @@
-"""What is known of a stretch of time while it is traced: from its instants to the paths."""
+"""Data of an interval of time during its trace, from sample times to paths."""
 
 from __future__ import annotations
 
@@ -24,36 +24,36 @@ from rfgen_sionna.tracing.surface.facets import Facets
 
 
 class TraceInterval(NamedTuple):
-    """A stretch of time."""
+    """An interval of time."""
 
     knots: FloatArray
-    """(knot,) at which delays are told [s]."""
+    """(knot,) times of the delays [s]."""
     positions: Positions
     rays: Callable[[float], RayScene]
-    """Takes the ray scene to an instant."""
+    """Updates the ray scene to a sample time [s]."""
     ray_scene: RayScene
     rays_between: Callable[[float], RayScene]
-    """The same at any time, and nothing else."""
+    """Ray scene at any time [s], without side effects."""
     planar: list[PlanarReflections]
-    """Those that there may be."""
+    """Active planar reflectors."""
 
 
 class ReturnedFacets(NamedTuple):
-    """Facets that are seen at some instant of a stretch, and what they return at each."""
+    """Facets that are visible at any sample time, and their returns at each."""
 
     selected: NDArray[np.intp]
-    """(facet,) which of all they are."""
+    """(facet,) index among all facets."""
     facets: list[Facets]
     cluster_head: NDArray[np.intp]
-    """(facet,) which of all each goes together with."""
+    """(facet,) index of the cluster head among all facets."""
     shares: FloatArray
-    """(facet, instant) that are seen."""
+    """(facet, time) visible fraction, the mean over the element pairs."""
     values: list[ComplexArray]
-    """(value, facet) of the expansion."""
+    """(value, facet) integrals of the expansion, shadow weight applied, at each sample time."""
     boundary_correction: list[BoundaryCorrection | None]
 
     def take(self, rest: NDArray[np.intp]) -> ReturnedFacets:
-        """Those that `rest` counts out."""
+        """The facets with indices `rest`."""
         return ReturnedFacets(
             self.selected[rest],
             Facets.taken(self.facets, rest),
@@ -65,26 +65,26 @@ class ReturnedFacets(NamedTuple):
 
 
 class IntervalVisibility(NamedTuple):
-    """What is seen in a stretch of time."""
+    """Visibility and returns over an interval."""
 
     sample_times: FloatArray
-    """(instant,) [s]"""
+    """(time,) [s]"""
     visible: list[VisibleFacets]
-    """Directly, at each."""
+    """Direct visibility at each sample time."""
     returned: ReturnedFacets
     references: list[FloatArray]
-    """(facet, 3) points [m] that their delays go by."""
+    """(facet, 3) points [m] of the delays, at each sample time."""
     sampled_returns: SampledReturns
     expansion: Expansion
     indirect: IndirectVisibility
     moved_shadow_error: float
-    """What two instants miss for shadows that move."""
+    """Time error of two sample times for moving shadows."""
     discarded: list[VisibleFacets]
-    """What was seen at two instants, which were not enough."""
+    """Visibility at two sample times that did not suffice."""
 
 
 class RefinedFacets(NamedTuple):
-    """Facets that were looked at between instants."""
+    """Facets under temporal refinement."""
 
     found: RefinedGains
     paths: RadarPaths
@@ -93,24 +93,24 @@ class RefinedFacets(NamedTuple):
 
 @dataclass(frozen=True)
 class MovingTrace:
-    """The moving surfaces over a stretch of time."""
+    """Moving surfaces over an interval of time."""
 
     paths: RadarPaths
     refined: RadarPaths | None
-    """Direct returns of facets that were looked at between instants, at their own knots; None where there are none."""
+    """Direct returns of facets under temporal refinement, at their own knots; None without any."""
     error: float
-    """Estimated relative error of the return of the worst of them; see
-    :mod:`rfgen_sionna.tracing.gains.error_estimate`."""
+    """Estimated relative error of the worst surface's return at the sample times
+    (:mod:`rfgen_sionna.tracing.gains.error_estimate`)."""
     time_error: float
-    """Estimated relative error between knots of the direct return of the worst of them, for shadows that move on; see
-    :mod:`rfgen_sionna.tracing.moving.temporal_refinement`."""
+    """Estimated relative error of the worst surface's direct return between sample times, for moving shadows
+    (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`)."""
     facets: int
-    """Facets looked at."""
+    """Facets tested for visibility."""
     rays: int
     places: Callable[[float], FloatArray]
-    """Time [s] to the (path, 3) middles [m] of the facets that the first paths, the direct returns, go by. It holds
-    until the next stretch is traced."""
+    """Time [s] to the (path, 3) facet centres [m] of the first paths, the direct returns; valid until the next interval
+    is traced."""
     refined_places: Callable[[float], FloatArray]
-    """The same of `refined`."""
+    """Likewise of `refined`."""
     sample_times: FloatArray
-    """(instant,) at which gains were traced [s]."""
+    """(time,) at which gains were traced [s]."""

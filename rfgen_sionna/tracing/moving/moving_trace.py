@@ -1,4 +1,4 @@
-"""What moves: its paths, whose facets are selected fine enough from one stretch of time to the next."""
+"""Paths of moving surfaces, with facets that persist from one interval of time to the next."""
 
 from __future__ import annotations
 
@@ -41,21 +41,20 @@ from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
 
 MEASURED_EVERY = 5
-"""The error is measured once in so many stretches, as it changes with what the body does rather than from one to the
-next and takes about as long to know as all else."""
+"""Intervals per measurement of the error, which costs about as much as the trace and changes slowly."""
 PAIR, UNSTEADY = 2, 4
-"""The fewest instants of a stretch, and in how many stretches no pair is tried after one in which shadows moved."""
+"""Smallest number of sample times, and intervals without a pair after one with moving shadows."""
 TYPICAL_CANCELLATION = 1.5
-"""What people's facets return without interfering, over what they return: 0.5 to 3, mostly less than this."""
+"""Incoherent over coherent sum of the facets of a walking person: 0.5 to 3, mostly below this."""
 
 
 class MovingTracer:
-    """Traces the moving surfaces stretch by stretch, and what is seen of them by `indirect` ways.
+    """Traces the moving surfaces interval by interval, with their `indirect` paths.
 
-    Facets stay the same until the motion asks for finer ones (:mod:`rfgen_sionna.tracing.moving.moving_facets`); small
-    neighbouring ones make a path together (:mod:`rfgen_sionna.tracing.moving.clusters`). Their error is measured in
-    every few stretches; where it is above the tolerance, facets and expansion are chosen anew. Not `cull`, what is
-    faint to the antennas (:mod:`rfgen_sionna.tracing.moving.culling`) is traced as well.
+    Facets persist until the motion demands finer ones (:mod:`rfgen_sionna.tracing.moving.moving_facets`); small
+    neighbours share a path (:mod:`rfgen_sionna.tracing.moving.clusters`). The error is measured in every few intervals;
+    above the tolerance facets and expansion are chosen anew. `cull` omits facets that are negligible for the antennas
+    (:mod:`rfgen_sionna.tracing.moving.culling`).
     """
 
     def __init__(
@@ -80,17 +79,10 @@ class MovingTracer:
         )
         given = surfaces, band, viewpoint, max_range, rtol, indirect.ghosts
         self._facets = MovingFacets(*given, self._moving_visibility.use_silhouette_search)
-        self._error_control = ErrorControl(
-            surfaces,
-            band,
-            rtol,
-            self._facets,
-            indirect,
-            lambda t, interval: self._trace_visibility([t], interval, True)[0],
-        )
-        self._per_element = PerElementSampler(
-            surfaces, *band.elements, viewpoint, 2 * np.pi * band.highest / SPEED_OF_LIGHT, rtol
-        )
+        control = surfaces, band, rtol, self._facets, indirect
+        self._error_control = ErrorControl(*control, lambda t, known: self._trace_visibility([t], known, True)[0])
+        wavenumber = 2 * np.pi * band.highest / SPEED_OF_LIGHT
+        self._per_element = PerElementSampler(surfaces, *band.elements, viewpoint, wavenumber, rtol)
         self._cancellation = np.zeros(len(surfaces.moving))
         self._turn = self._unsteady = 0
 
@@ -103,16 +95,10 @@ class MovingTracer:
         ray_scene: RayScene,
         rays_between: Callable[[float], RayScene],
     ) -> MovingTrace:
-        """Paths with delays at `knots` and gains traced at `sample_times` [s]; where shadows move, two of them are not
-        enough. `rays` gives the `ray_scene` as it is at an instant, `rays_between` at any time, by itself."""
-        interval = TraceInterval(
-            knots,
-            positions,
-            rays,
-            ray_scene,
-            rays_between,
-            self._indirect.active_reflections(positions, float(knots[0])),
-        )
+        """Paths with delays at `knots` and gains at `sample_times` [s]; moving shadows replace two sample times by
+        three. `rays` updates the `ray_scene` to a sample time, `rays_between` to any time."""
+        planar = self._indirect.active_reflections(positions, float(knots[0]))
+        interval = TraceInterval(knots, positions, rays, ray_scene, rays_between, planar)
         visibility = self._visibility(interval, sample_times)
         level, cancellation = self._best_level(visibility)
         rest, refined, time_error = self._refine_in_time(interval, visibility, level)
@@ -143,68 +129,57 @@ class MovingTracer:
         )
 
     def _visibility(self, interval: TraceInterval, sample_times: FloatArray) -> IntervalVisibility:
-        """What is seen in the stretch, as accurately as it has to be."""
+        """Visibility over the interval, as accurate as the tolerance demands."""
         self._unsteady -= 1
         if len(sample_times) == PAIR and (self._unsteady > 0 or self._error_control.per_element.any()):
             sample_times = _with_middle(sample_times)
-        positions, middle = interval.positions, len(sample_times) // 2
+        positions, middle, control = interval.positions, len(sample_times) // 2, self._error_control
         if self._facets.follow(positions, interval.knots):
-            self._error_control.reset()
-        self._facets.turn_to(
-            [positions(float(sample_times[each])) for each in sorted({0, middle, len(sample_times) - 1})]
-        )
-        turn, time_error = divmod(self._turn, MEASURED_EVERY)
-        if not time_error:
-            self._error_control.verify_again()
-        visibility = self._error_control.ensure(
+            control.reset()
+        ends = sorted({0, middle, len(sample_times) - 1})
+        self._facets.turn_to([positions(float(sample_times[each])) for each in ends])
+        turn, skipped = divmod(self._turn, MEASURED_EVERY)
+        if not skipped:
+            control.verify_again()
+        visibility = control.ensure(
             sample_times,
             interval,
             lambda times, by: self._sampled_visibility(interval, times, by),
-            None if time_error else turn,
+            None if skipped else turn,
         )
-        unverified = self._error_control.unverified(
-            visibility, lambda surfaces: self._shadowed_surfaces(visibility, surfaces)
-        )
+        unverified = control.unverified(visibility, lambda surfaces: self._shadowed_surfaces(visibility, surfaces))
         if not unverified.any():
             return visibility
-        self._error_control.verify_correction(
-            unverified, *self._measured_correction_error(visibility, interval, unverified), visibility
-        )
-        if not self._error_control.per_element[unverified].any():
+        measured = self._measured_correction_error(visibility, interval, unverified)
+        control.verify_correction(unverified, *measured, visibility)
+        if not control.per_element[unverified].any():
             return visibility
-        if len(visibility.sample_times) == PAIR:  # which tell nothing of edges that pairs see
+        if len(visibility.sample_times) == PAIR:  # a pair misses shadow boundaries of single element pairs
             self._unsteady = UNSTEADY + 1
             again = self._sampled_visibility(interval, _with_middle(visibility.sample_times), visibility.expansion)
             return again._replace(discarded=[*visibility.visible, *again.discarded])
         visible = self._all_per_element(visibility.visible, visibility.sample_times, interval)
-        return self._integrated(
-            visibility.sample_times,
-            visible,
-            visibility.expansion,
-            visibility.indirect,
-            visibility.moved_shadow_error,
-            visibility.discarded,
-        )
+        known = visibility.expansion, visibility.indirect, visibility.moved_shadow_error, visibility.discarded
+        return self._integrated(visibility.sample_times, visible, *known)
 
     def _shadowed_surfaces(self, visibility: IntervalVisibility, surfaces: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(surface,) on which of the `surfaces` (surface,) edges of shadows fall at an instant, as pairs see them."""
-        given = zip(visibility.sample_times.tolist(), visibility.visible, strict=True)
-        found = [
-            self._per_element.shadowed_surfaces(self._moving_visibility.silhouette_rays(t), each, surfaces)
-            for t, each in given
-        ]
+        """(surface,) whether a shadow boundary of any element pair falls on each of the `surfaces` (surface,) at a
+        sample time."""
+        found, rays = [], self._moving_visibility.silhouette_rays
+        for t, each in zip(visibility.sample_times.tolist(), visibility.visible, strict=True):
+            found.append(self._per_element.shadowed_surfaces(rays(t), each, surfaces))
         return np.asarray(np.any(found, axis=0))
 
     def _measured_correction_error(
         self, visibility: IntervalVisibility, interval: TraceInterval, unverified: NDArray[np.bool_]
     ) -> tuple[FloatArray, FloatArray]:
-        """(surface,) error of what strips beside shadows' edges tell of the `unverified` ones, of the pairs that see
-        most
-        differently, at the ends and half way, and (surface,) the largest return of these."""
+        """(surface,) error of the shadow-boundary correction of `unverified` surfaces, for the pairs with the most
+        different visibility, at the ends and the middle; and (surface,) the largest return of these pairs."""
         own, width, pairs = visibility.returned, len(self._band.elements[1]), self._per_element.representative()
         known = self._facets.places, unverified, self._error_control.cancellation
         most = np.max([each.level for each in visibility.visible], axis=0)
         both = [(pair // width, pair % width) for pair in pairs.tolist()]
+        corrections = visibility.sampled_returns.boundary_correction
         off, level = np.zeros((2, len(unverified)))
         for k in sorted({0, len(visibility.sample_times) // 2, len(visibility.sample_times) - 1}):
             t, there = float(visibility.sample_times[k]), visibility.visible[k]
@@ -214,14 +189,7 @@ class MovingTracer:
             )
             given = patched.with_per_element(sampled, unverified), unverified, both, visibility.expansion
             for pair, (more, whole) in zip(both, self._returns.element_pair_returns(*given), strict=True):
-                correction = (
-                    visibility.sampled_returns.boundary_correction[k],
-                    there,
-                    own.selected,
-                    visibility.references[k],
-                    pair,
-                    unverified,
-                )
+                correction = corrections[k], there, own.selected, visibility.references[k], pair, unverified
                 off = np.maximum(off, np.abs(more - self._returns.pair_correction(*correction)))
                 level = np.maximum(level, whole)
         return off[self._tolerance_group], level[self._tolerance_group]
@@ -229,20 +197,14 @@ class MovingTracer:
     def _sampled_visibility(
         self, interval: TraceInterval, sample_times: FloatArray, expansion: Expansion
     ) -> IntervalVisibility:
-        """What is seen at the `sample_times` [s], at three of them where shadows move too much for two, and what the
-        facets
-        that are seen return."""
+        """Visibility and returns at the `sample_times` [s], three instead of two where shadows move too much."""
         positions, moved_shadow_error, discarded = interval.positions, 0.0, list[VisibleFacets]()
         visible = self._trace_visibility(sample_times.tolist(), interval)
         if len(sample_times) == PAIR:
             moved_shadow_error = self._moved_shadow_error(*visible)
             if moved_shadow_error > BETWEEN_PER_RTOL * self._rtol:
-                sample_times, moved_shadow_error, self._unsteady, discarded = (
-                    _with_middle(sample_times),
-                    0.0,
-                    UNSTEADY + 1,
-                    visible,
-                )
+                moved_shadow_error, self._unsteady, discarded = 0.0, UNSTEADY + 1, visible
+                sample_times = _with_middle(sample_times)
                 visible = self._trace_visibility(sample_times.tolist(), interval)
         whole = [
             self._facets.from_all_sides(each.facets) if self.traces_back_faces else each.facets for each in visible
@@ -262,7 +224,7 @@ class MovingTracer:
         moved_shadow_error: float,
         discarded: list[VisibleFacets],
     ) -> IntervalVisibility:
-        """What facets return that are `visible` at the `sample_times` [s]."""
+        """Returns of the facets that are `visible` at the `sample_times` [s]."""
         selected = np.flatnonzero(np.any([each.any_visible() for each in visible], axis=0))
         pattern_gradient = self._band.pattern_gradient(visible[0].facets, selected)
         visible = [replace(each, facets=each.facets.with_pattern_gradient(pattern_gradient)) for each in visible]
@@ -274,20 +236,11 @@ class MovingTracer:
         returned = ReturnedFacets(
             selected, facets, cluster_head, shares, sampled_returns.values, sampled_returns.boundary_correction
         )
-        return IntervalVisibility(
-            sample_times,
-            visible,
-            returned,
-            references,
-            sampled_returns,
-            expansion,
-            indirect,
-            moved_shadow_error,
-            discarded,
-        )
+        found = returned, references, sampled_returns, expansion, indirect, moved_shadow_error, discarded
+        return IntervalVisibility(sample_times, visible, *found)
 
     def _best_level(self, visibility: IntervalVisibility) -> tuple[FloatArray, FloatArray]:
-        """(surface,) level and interference of each, of one that goes behind another when it is seen best."""
+        """(surface,) reference level and cancellation of each surface; of an occluded one at its best visibility."""
 
         def waves(k: int) -> ComplexArray:
             gains = (
@@ -304,24 +257,21 @@ class MovingTracer:
     def _refine_in_time(
         self, interval: TraceInterval, visibility: IntervalVisibility, level: FloatArray
     ) -> tuple[ReturnedFacets, RefinedFacets | None, float]:
-        """Facets that shadows' edges pass over are looked at between instants and go by paths of their own: the others,
-        these, if there are any, and what is missed between times."""
+        """Facets without temporal refinement, those with it, if any, and the time error."""
         own, sample_times, positions = visibility.returned, visibility.sample_times, interval.positions
         given = own.facets, visibility.references, own.values, own.boundary_correction, own.shares, visibility.expansion
         chosen = self._temporal_refinement.choose(*given, level)
         followed = own.selected[chosen.facets]
         if not len(followed):
             return own, None, max(chosen.error(), visibility.moved_shadow_error)
-        placed, most = (
-            SplinedPositions(interval.knots, positions),
-            np.max([each.level for each in visibility.visible], axis=0),
-        )
+        placed = SplinedPositions(interval.knots, positions)
+        most = np.max([each.level for each in visibility.visible], axis=0)
         found = self._temporal_refinement.follow(
             chosen, followed, self._facets.places[followed], sample_times, visibility.visible, visibility.expansion,
             placed, lambda t: self._facets.corners(placed(t), followed), interval.ray_scene,
             lambda visible, t: self._per_element_visible(visible, t, self._facets.places[followed], interval, most),
         )  # fmt: skip
-        # As many knots as delays ask for, the times among them.
+        # At least as many knots as the delays demand, with the refined times among them.
         often = fine_times(found.times, -(-(len(interval.knots) - 1) // (len(found.times) - 1)))
         paths = self._facets.paths(often, found.times, placed, found.facets, found.coefficients, followed, {})
         rest = np.setdiff1d(np.arange(len(own.selected)), chosen.facets, assume_unique=True)
@@ -330,68 +280,54 @@ class MovingTracer:
     def _direct(
         self, interval: TraceInterval, own: ReturnedFacets, visibility: IntervalVisibility
     ) -> tuple[RadarPaths, NDArray[np.intp]]:
-        """Paths of the facets that are seen directly, small neighbours together, and the facets they go by."""
-        pattern = [
-            self._facets.clusters.relative_pattern_gain(each, own.selected, own.cluster_head)
-            for each in visibility.visible
-        ]
-        given = (
-            own.facets,
-            own.shares,
-            own.values,
-            visibility.expansion,
-            own.cluster_head,
-            own.boundary_correction,
-            pattern,
-        )
-        coefficients, heads = self._returns.coefficients(*given)
+        """Paths of the directly visible facets by cluster, and the cluster heads."""
+        clusters, times = self._facets.clusters, visibility.sample_times.tolist()
+        pattern = [clusters.relative_pattern_gain(each, own.selected, own.cluster_head) for each in visibility.visible]
+        given = own.facets, own.shares, own.values, visibility.expansion, own.cluster_head, own.boundary_correction
+        coefficients, heads = self._returns.coefficients(*given, pattern)
         head_facets, count = visibility.visible[0].facets.take(heads), len(self._cancellation)
         by_way = [np.take(each.facets.centroids, heads, axis=0) for each in visibility.visible]
         self._cancellation = self._returns.cancellation(by_way, coefficients[0, 0, 0], head_facets.surface, count)
-        known = {
-            t: each.facets.centroids
-            for t, each in zip(visibility.sample_times.tolist(), visibility.visible, strict=True)
-        }
+        known = {t: each.facets.centroids for t, each in zip(times, visibility.visible, strict=True)}
         return self._facets.paths(
             interval.knots, visibility.sample_times, interval.positions, head_facets, coefficients, heads, known
         ), heads
 
     def _moved_shadow_error(self, first: VisibleFacets, last: VisibleFacets) -> float:
-        """Error between two instants for shadows that move on, at most, of the worst surface."""
+        """Upper bound of the error between two sample times for moving shadows, of the worst surface."""
         wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
         change = moved_shadow_returns(first, last, self._viewpoint, wavenumber, self._tolerance_group)
         return float((0.5 * np.maximum(self._error_control.cancellation, 1.0) * change).max(initial=0.0))
 
     def silhouette_rays(self, t: float) -> SilhouetteRays:
-        """Rays that just pass the outlines of what moves at one of the instants [s]."""
+        """Rays past the silhouettes of moving surfaces at a sample time `t` [s]."""
         return self._moving_visibility.silhouette_rays(t)
 
     def prepare(self, positions: Positions, times: Sequence[float]) -> Positions:
-        """:meth:`IndirectPaths.prepare`"""
+        """:meth:`rfgen_sionna.tracing.moving.indirect_paths.IndirectPaths.prepare`"""
         return self._indirect.prepare(positions, times)
 
     @property
     def relative_cancellation(self) -> FloatArray:
-        """(surface,) how much larger errors of single facets are for all of a surface than for a body, whose facets
-        return without order, as told in the stretch before: where a flat thing looks elsewhere they cancel nearly, and
-        their errors don't."""
+        """(surface,) cancellation in the last interval over that of a typical body, at least 1: factor on the errors of
+        single facets, as errors do not cancel where returns do."""
         return np.maximum(self._cancellation / TYPICAL_CANCELLATION, 1.0)
 
     @property
     def traces_back_faces(self) -> bool:
-        """Whether mirrors show what looks away from the radar, or slabs: the back of a hollow body."""
+        """Whether mirrors or slabs may show faces that face away from the radar."""
         return bool(self._indirect)
 
     def _trace_visibility(
         self, times: Sequence[float], interval: TraceInterval, all_around: bool = False
     ) -> list[VisibleFacets]:
-        """What is seen directly at several `times` [s] of the stretch, bent where it is seen, and `all_around` or where
-        that counts along the horizon, too."""
+        """Direct visibility at several `times` [s], with quadratic patches on visible facets; `all_around` includes
+        those at the terminator."""
         vertices, everything = [interval.positions(t) for t in times], self.traces_back_faces
         facets, around = self._facets.at(vertices), self._error_control.terminator | all_around
         if everything:
             facets = self._facets.with_patches(facets, vertices)
-        # Of what was not seen before nobody knows how it interferes.
+        # The cancellation of surfaces that were not visible before is unknown.
         known = (self._error_control.cancellation > 0) & (self._cull and not everything and self._rtol >= LEAST_RTOL)
         share = np.where(known, 1.0 / np.maximum(self._error_control.cancellation, 1.0), 0.0)
         visible = self._moving_visibility(interval.ray_scene, facets, self._facets.places, times, vertices, share)
@@ -408,7 +344,7 @@ class MovingTracer:
     def _all_per_element(
         self, visible: Sequence[VisibleFacets], times: FloatArray, interval: TraceInterval
     ) -> list[VisibleFacets]:
-        """What is `visible` at some `times` [s], as :meth:`_per_element_visible` has it."""
+        """:meth:`_per_element_visible` at several `times` [s]."""
         self._error_control.exclude_slabs(visible)
         if not self._error_control.per_element.any():
             return list(visible)
@@ -420,8 +356,8 @@ class MovingTracer:
     def _with_patches(
         self, visible: Sequence[VisibleFacets], times: FloatArray, interval: TraceInterval
     ) -> list[VisibleFacets]:
-        """What is `visible` at some `times` [s], all bent that is looked at, as pairs may see it where the phase centre
-        does not."""
+        """The same with quadratic patches on all sampled facets, as elements may see them where the phase centre does
+        not."""
         vertices = [interval.positions(t) for t in times.tolist()]
         chosen = np.flatnonzero(np.any([each.weight > 0 for each in visible], axis=0))
         facets = self._facets.with_patches([each.facets for each in visible], vertices, chosen)
@@ -430,9 +366,8 @@ class MovingTracer:
     def _per_element_visible(
         self, visible: VisibleFacets, t: float, places: IntArray, interval: TraceInterval, level: FloatArray
     ) -> VisibleFacets:
-        """What is `visible` at `t` [s] of facets at some `places` (facet, 3), of surfaces of which that counts from
-        each
-        pair's own places; the others are those of :meth:`PerElementSampler.visibility`."""
+        """Facets at `t` [s] with per-element visibility where it counts; arguments as of
+        :meth:`PerElementSampler.visibility`."""
         own, every = self._error_control.per_element, self._per_element
         if not own.any():
             return visible
@@ -441,5 +376,5 @@ class MovingTracer:
 
 
 def _with_middle(sample_times: FloatArray) -> FloatArray:
-    """Two instants and the one half way."""
+    """Two sample times and their middle."""
     return np.linspace(sample_times[0], sample_times[-1], 3)

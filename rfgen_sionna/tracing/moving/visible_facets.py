@@ -1,4 +1,4 @@
-"""Facets at an instant and how much of them is seen: from the phase centre, and by pairs of elements."""
+"""Facets at a sample time with their visible fraction, from the phase centre and per element pair."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ from rfgen_sionna.tracing.surface.facets import Facets
 
 
 class PerElementVisibility(NamedTuple):
-    """What pairs see of facets, where it may not be what the phase centre sees: one lane for each facet and pair."""
+    """Visibility of facets from element pairs, where it may differ from that of the phase centre: one lane per facet
+    and pair."""
 
     facet: NDArray[np.intp]
     """(lane,)"""
     pair: NDArray[np.intp]
-    """(lane,) number of its Tx times the number of Rx, and that of its Rx."""
+    """(lane,) index of the Tx times the number of Rx, plus that of the Rx."""
     fraction: FloatArray
-    """(lane,) share that is seen."""
+    """(lane,) visible fraction."""
     owner: NDArray[np.intp]
-    """(piece,) lane that a piece is of, ascending: what is seen of facets that are hidden in part."""
+    """(piece,) lane of each visible piece of a partly occluded facet, ascending."""
     pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates of its corners."""
+    """(piece, corner, 3) barycentric coordinates of the corners."""
 
     def shares(self, fraction: FloatArray, pairs: int) -> FloatArray:
-        """(facet,) share that is seen by the mean of so many `pairs`, of facets of which the phase centre sees a
-        `fraction` (facet,)."""
+        """(facet,) visible fraction, the mean over `pairs` element pairs; `fraction` (facet,) is that of the phase
+        centre."""
         more = np.bincount(self.facet, self.fraction - fraction[self.facet], len(fraction))
         return np.asarray(np.clip(fraction + more / pairs, 0.0, 1.0))
 
     def of(self, chosen: NDArray[np.intp]) -> PerElementVisibility:
-        """Those of the facets that `chosen` counts out, ascending, counted among these."""
+        """Lanes of the facets with ascending indices `chosen`, numbered among these."""
         place = np.minimum(np.searchsorted(chosen, self.facet), max(len(chosen) - 1, 0))
         mine = chosen[place] == self.facet if len(chosen) else np.zeros(len(self.facet), np.bool_)
         inside = mine[self.owner]
@@ -45,13 +46,13 @@ class PerElementVisibility(NamedTuple):
 
     @staticmethod
     def none() -> PerElementVisibility:
-        """Of no facets."""
+        """Empty."""
         no = np.zeros(0, np.intp)
         return PerElementVisibility(no, no, np.zeros(0), no, np.zeros((0, 3, 3)))
 
     @staticmethod
     def joined(parts: Sequence[PerElementVisibility], first: Sequence[int]) -> PerElementVisibility:
-        """One after the other, each with its `first` facet."""
+        """Concatenation; `first` is the index of each part's first facet."""
         lanes = np.cumsum([0, *(len(each.facet) for each in parts)]).tolist()
         return PerElementVisibility(
             np.concatenate([each.facet + start for each, start in zip(parts, first, strict=False)]),
@@ -63,53 +64,51 @@ class PerElementVisibility(NamedTuple):
 
 
 class PerElementSamples(NamedTuple):
-    """What pairs have found."""
+    """Result of per-element sampling."""
 
     views: PerElementVisibility
     missed: FloatArray
-    """(surface,) estimated error of what each returns, relative to a `level` (surface,) of that, as
-    :attr:`rfgen_sionna.tracing.moving.visible_facets.VisibleFacets.level`."""
+    """(surface,) estimated error of each return, relative to `level` (surface,), as of :attr:`VisibleFacets.level`."""
     level: FloatArray
     rays: int
-    """Rays sent."""
+    """Number of rays."""
 
 
 @dataclass(frozen=True)
 class VisibleFacets:
-    """Facets at an instant and how much of them is seen."""
+    """Facets at a sample time with their visible fraction."""
 
     facets: Facets
     fraction: FloatArray
-    """(facet,) share of the area."""
+    """(facet,) visible fraction of the area: the shadow weight of the facet's return."""
     weight: FloatArray
-    """(facet,) the antennas' two-way field gain towards each, over the largest; 0 for those that were not looked at, as
-    they look away, are too far or too faint."""
+    """(facet,) two-way antenna field gain towards each, over the largest; 0 for facets that were not sampled: they face
+    away, are too far or negligible."""
     owner: NDArray[np.intp]
-    """(piece,) facet that a piece is of: what is seen of those hidden in part."""
+    """(piece,) facet of each visible piece of the partly occluded ones."""
     pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates of its corners."""
+    """(piece, corner, 3) barycentric coordinates of the corners."""
     occluder: FloatArray
-    """(piece, 4) :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.Sampled.occluder`, or (piece, 16) with what
-    slabs let
-    through there (:mod:`rfgen_sionna.tracing.moving.slab_transmission`)."""
+    """(piece, 4) :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.SampledVisibility.occluder`, or (piece, 16) with
+    the transmission of slabs there (:mod:`rfgen_sionna.tracing.moving.slab_transmission`)."""
     silhouette: FloatArray
-    """(facet,) length of outlines that fall on each [rad], as rays' points tell."""
+    """(facet,) length of silhouettes on each facet [rad], from silhouette rays."""
     level: FloatArray
-    """(surface,) what the facets of its lot (:func:`rfgen_sionna.tracing.surface.surfaces.tolerance_groups`) may
-    return without
-    interfering, in units of :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.Sampled.returned`."""
+    """(surface,) incoherent sum of the facets of the surface's tolerance group
+    (:func:`rfgen_sionna.tracing.surface.surfaces.tolerance_groups`), in units of
+    :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.SampledVisibility.returned`."""
     missed: FloatArray
-    """(surface,) estimated error of what those return for what is not known of shadows' edges, and for those that
-    are too faint to be looked at, relative to what they return without interfering."""
+    """(surface,) estimated error of that return for uncertain shadow boundaries and culled facets, relative to `level`.
+    """
     sampled_facets: int
     rays: int
     culled: FloatArray | float = 0.0
-    """What of `missed` (surface,) is for facets too faint to be looked at."""
+    """(surface,) part of `missed` for culled facets."""
     per_element: PerElementVisibility | None = None
-    """What pairs see of some facets from their own places, if they have looked."""
+    """Visibility from element pairs; None without."""
 
     def of(self, chosen: NDArray[np.intp]) -> VisibleFacets:
-        """The facets that `chosen` counts out, in ascending order."""
+        """The facets with ascending indices `chosen`."""
         place = np.minimum(np.searchsorted(chosen, self.owner), max(len(chosen) - 1, 0))
         mine = chosen[place] == self.owner if len(chosen) else np.zeros(len(self.owner), np.bool_)
         return replace(
@@ -125,24 +124,24 @@ class VisibleFacets:
         )
 
     def slab_shadowed_surfaces(self) -> NDArray[np.intp]:
-        """Surfaces on which shadows fall that let something through."""
+        """Surfaces on which shadows of transmitting slabs fall."""
         slabs = (self.occluder[:, 4:] != 0).any(axis=1) & (self.occluder[:, 0] < 1.0)
         return np.unique(self.facets.surface[self.owner[slabs]])
 
     def any_visible(self) -> NDArray[np.bool_]:
-        """(facet,) of which something is seen, by whatever pair."""
+        """(facet,) whether any pair sees any part of each."""
         found = self.fraction > 0
         if self.per_element is not None:
             found[self.per_element.facet] = True
         return found
 
     def shares(self, pairs: int) -> FloatArray:
-        """(facet,) share of the area that is seen, in the mean of so many pairs if they have looked."""
+        """(facet,) visible fraction, the mean over `pairs` element pairs where these are known."""
         return self.fraction if self.per_element is None else self.per_element.shares(self.fraction, pairs)
 
     def with_per_element(self, sampled: PerElementSamples, surfaces: NDArray[np.bool_]) -> VisibleFacets:
-        """The same with what pairs see themselves of some `surfaces` (surface,), in place of strips beside shadows'
-        edges there."""
+        """The same with per-element visibility of some `surfaces` (surface,) instead of the shadow-boundary correction.
+        """
         occluder = np.where(surfaces[self.facets.surface[self.owner]][:, None], np.nan, self.occluder)
         visible = sampled.missed * sampled.level / np.where(self.level > 0, self.level, np.inf)
         missed = np.where(surfaces, np.hypot(self.culled, visible), self.missed)
@@ -150,7 +149,7 @@ class VisibleFacets:
 
     @staticmethod
     def joined(parts: Sequence[VisibleFacets]) -> VisibleFacets:
-        """One after the other; of `level` and `missed` the least and the largest."""
+        """Concatenation, with the least `level` and the largest `missed`."""
         first = np.cumsum([0, *(len(each.fraction) for each in parts)])
         fraction, weight, pieces, occluder, silhouette = (
             np.concatenate([getattr(each, name) for each in parts])
@@ -174,7 +173,7 @@ class VisibleFacets:
 
 
 def _joined_elements(parts: Sequence[PerElementVisibility | None], first: Sequence[int]) -> PerElementVisibility | None:
-    """Own views of facets that come one after the other, each part's from its `first` on."""
+    """Concatenation of per-element visibility; `first` is the index of each part's first facet."""
     if all(each is None for each in parts):
         return None
     return PerElementVisibility.joined([PerElementVisibility.none() if each is None else each for each in parts], first)
