@@ -1,4 +1,4 @@
-"""Where plates show facets to the radar: ray tubes from a plate's outline, cut out of the facets that they land on."""
+"""Parts of facets that planar reflectors show to the radar: footprints of a reflector's cone, clipped to facets."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.quadratic_patch import barycentric
 
 DIRECT = -1
-"""Stands for the straight way, in place of a plate's number."""
+"""Number of the straight leg, in place of a reflector's."""
 ON_PLANE = 1e-4
-"""What lies nearer to a plate than this [m] is on it."""
+"""Distance below which a point is on a reflector [m]: well below a wavelength, above rounding."""
 
 
 @dataclass(frozen=True)
 class ClippedFootprints:
-    """Pieces of facets that are seen by way of plates, at an instant."""
+    """Visible pieces of facets by reflectors, at one time."""
 
     facet: NDArray[np.intp]
-    """(entry,) number of the facet; entries are in ascending order of `key`."""
+    """(entry,) facet; entries ascend by `keys`."""
     first: IntArray
-    """(entry,) plate on the one way, or `DIRECT`."""
+    """(entry,) reflector of the outgoing leg, or `DIRECT`."""
     last: IntArray
-    """(entry,) plate on the other way."""
+    """(entry,) reflector of the return leg, or `DIRECT`."""
     pieces: FloatArray
     """(piece, 3, 3) [m], world."""
     owner: NDArray[np.intp]
-    """(piece,) entry that each piece belongs to."""
+    """(piece,) entry of each piece."""
     share: FloatArray
-    """(piece,) how much of each is seen, above 0."""
+    """(piece,) visible share, above 0."""
 
     @classmethod
     def none(cls) -> Self:
@@ -78,25 +78,25 @@ class ClippedFootprints:
         return {name: getattr(self, name)[index] for name in sorted(names)}
 
     def swapped(self) -> Self:
-        """The same with both ways changed over."""
+        """The same with both legs swapped."""
         return replace(self, first=self.last, last=self.first)
 
     @property
     def keys(self) -> NDArray[np.int64]:
-        """(entry, 3) facet and plates."""
+        """(entry, 3) facet and reflectors."""
         return np.stack([self.facet, self.first, self.last], axis=1).astype(np.int64)
 
 
 @dataclass(frozen=True)
 class ReflectedFacets(MirroredFacets):
-    """Facets as plates show them: of each only the pieces that are seen count."""
+    """Facets by reflectors; only their visible pieces count."""
 
     pieces: FloatArray
     """(piece, 3, 3) [m], world."""
     owner: NDArray[np.intp]
-    """(piece,) facet of each."""
+    """(piece,) facet of each piece."""
     share: FloatArray
-    """(piece,) what each counts."""
+    """(piece,) weight of each."""
 
     @staticmethod
     def clipped(
@@ -106,11 +106,8 @@ class ReflectedFacets(MirroredFacets):
         swapped: bool,
         place: NDArray[np.intp] | None = None,
     ) -> ReflectedFacets:
-        """Facets by `keys` (facet, 3), sorted by their rows; what else is in `footprints` is left out.
-
-        `swapped` are seen the other way round: first the last plate. `place` is where in `keys` each entry is, if that
-        is known.
-        """
+        """Facets by sorted `keys` (facet, 3); other entries of `footprints` are left out. `swapped` has the legs in
+        reverse order. `place` (entry,) is the row of each entry in `keys`, None finds it."""
         chosen = facets.take(keys[:, 0]).with_pattern_gradient(None)
         base = {each.name: getattr(chosen, each.name) for each in fields(Facets)}
         first, last = (keys[:, column].astype(np.int32) for column in ((2, 1) if swapped else (1, 2)))
@@ -130,11 +127,11 @@ class ReflectedFacets(MirroredFacets):
         return replace(self, parts=2 * self.parts), np.arange(len(self))
 
     def times(self, factor: FloatArray) -> ReflectedFacets:
-        """The same, of which each counts `factor` (facet,) times as much."""
+        """The same with weights times `factor` (facet,)."""
         return replace(self, share=self.share * factor[self.owner])
 
     def take(self, index: NDArray[np.intp]) -> ReflectedFacets:
-        """The facets that `index`, no number of them twice, counts out."""
+        """Facets by `index` without repeated ones."""
         place = np.full(len(self), -1, dtype=np.intp)
         place[index] = np.arange(len(index))
         owner = place[self.owner]
@@ -149,7 +146,7 @@ class ReflectedFacets(MirroredFacets):
 
 
 def _find_rows(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Where in `keys`, sorted by its rows, each row of `wanted` is; -1 where it is not."""
+    """Row in the sorted `keys` of each row of `wanted`; -1 where absent."""
     if len(keys) == 0:
         return np.full(len(wanted), -1, dtype=np.intp)
     base = int(max(keys[:, 1:].max(), wanted[:, 1:].max(initial=0))) + 2
@@ -161,7 +158,7 @@ def _find_rows(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np
 
 
 def find_rows(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.intp]:
-    """As :func:`_find_rows`, for rows of any length, no two of them alike."""
+    """As :func:`_find_rows`, for unique rows of any length."""
     _, back = np.unique(np.concatenate([keys, wanted]), axis=0, return_inverse=True)
     back = back.reshape(-1)
     place = np.full(len(back), -1, dtype=np.intp)

@@ -1,4 +1,4 @@
-"""Roughly how strong a radar sees itself by two or three flat parts: the image of the image."""
+"""Estimate of the radar's own image by two or three planar parts: the image of the image."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rfgen_sionna.tracing.reflectors.planar_reflectors import PlanarReflector
 
 
 class CornerReturnEstimate:
-    """Roughly how strong the radar sees itself by two or three flat parts."""
+    """Estimated return of the radar by two or three of the `reflectors`, numbered as given; None entries are unused."""
 
     def __init__(self, reflectors: Sequence[PlanarReflector | None], radar: Radar) -> None:
         self._view, self._wavelength, self._reach = np.asarray(radar.position), radar.wavelength, radar.max_range
@@ -43,14 +43,14 @@ class CornerReturnEstimate:
         )
 
     def _outside(self, reflector: NDArray[np.intp] | int, points: FloatArray) -> FloatArray:
-        """(flat, 3) how far [m] the points of reflection are beside the outline's rectangle."""
+        """(part, 3) offset [m] of the reflection points from the outline's rectangle."""
         axes = np.broadcast_to(self._axes[reflector], (len(points), 2, 3))
         excess = np.einsum("fai,fi->fa", axes, points) - self._middle[reflector]
         excess -= np.clip(excess, -self._half[reflector], self._half[reflector])
         return np.asarray(np.einsum("fai,fa->fi", axes, excess))
 
     def _left(self, reflector: NDArray[np.intp] | int, outside: FloatArray, length: FloatArray) -> FloatArray:
-        """(flat,) share of the wave that is left so far `outside` (flat, 3) [m] the rectangle."""
+        """(part,) share of the wave at an offset `outside` (part, 3) [m] from the rectangle, by Fresnel's asymptote."""
         axes = np.broadcast_to(self._axes[reflector], (len(outside), 2, 3))
         excess = np.abs(np.einsum("fai,fi->fa", axes, outside))
         zone = 0.5 * np.sqrt(self._wavelength * length)
@@ -58,20 +58,19 @@ class CornerReturnEstimate:
         return np.asarray(np.minimum(tail, 1.0).prod(axis=1))
 
     def _face(self, flat: NDArray[np.intp], reflector: int) -> NDArray[np.bool_]:
-        """(flat,) whether each has points in front of the `reflector`, and that in front of it: two sides of a box have
-        not."""
+        """(part,) whether each has points in front of the `reflector` and vice versa; two sides of a box have none."""
         least = 0.1 * self._wavelength
         before = (self._corners[flat] @ self._normal[reflector]).max(axis=1) + self._height[reflector]
         behind_it = (self._corners[reflector] @ self._normal[flat].T).max(axis=0) + self._height[flat]
         return np.asarray((before > least) & (behind_it > least))
 
     def __call__(self, flat: NDArray[np.intp], first: int, last: int) -> FloatArray:
-        """(flat,) levels of radar, plate `first`, flat parts, plate `last` or straight, radar."""
+        """(part,) level of the path radar, reflector `first`, part, reflector `last` or straight, radar."""
         tx = -2.0 * self._height[first] * self._normal[first]
         rx = np.zeros(3) if last == DIRECT else -2.0 * self._height[last] * self._normal[last]
         normal, height = self._normal[flat], self._height[flat]
         to_tx, to_rx = normal @ tx + height, normal @ rx + height
-        # Both images in front of the flat part, on the same side: else the image does not light it.
+        # Both images are in front of the part.
         sees = (to_tx > 0) & (to_rx > 0)
         for reflector in {first, last} - {DIRECT}:
             sees &= self._face(flat, reflector)
@@ -83,11 +82,11 @@ class CornerReturnEstimate:
         for reflector, image in ((first, tx), (last, rx)):
             if reflector == DIRECT:
                 continue
-            # Of a right angle the point of reflection is on its edge, give or take what coordinates are rounded by.
+            # At a right angle the reflection point is on the edge, up to rounding.
             before = q @ self._normal[reflector] + self._height[reflector] + self._wavelength
             part = self._height[reflector] / np.maximum(before + self._height[reflector], 1e-9)
             crossing = image + part[:, None] * (q - image)
-            # Beyond the end of the edge that both share, the way leaves the one where it leaves the other: once.
+            # Beyond the end of a shared edge the path leaves both reflectors at one place, which counts once.
             edge = np.cross(normal, self._normal[reflector])
             edge /= np.maximum(np.linalg.norm(edge, axis=1), 1e-9)[:, None]
             there = self._outside(reflector, crossing)
@@ -97,7 +96,7 @@ class CornerReturnEstimate:
             share = share * np.where(before > 0, left, 0.0)
             share = share * self._reflection[reflector]
         share = share * self._reflection[flat]
-        # Of two, a mirror that is smaller shows no more than it could return.
+        # A smaller mirror shows no more than its own return.
         size = np.minimum(self._size[flat], self._size[first]) if last == DIRECT else self._size[flat]
         most = np.minimum(self._wavelength / length, 4.0 * size / length**2)
         return np.where(sees & (length < 2 * self._reach), share * most / (4 * np.pi), 0.0)

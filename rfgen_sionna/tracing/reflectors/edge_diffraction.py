@@ -1,12 +1,10 @@
-"""What waves make of the outlines of plates that mirror, estimated: light and shadow that a plate throws go over into
-each other in Fresnel zones, and don't end where geometrical optics lets them end.
+"""Estimated error from diffraction at the outlines of planar reflectors.
 
-Were the plate integrated as well, instead of showing an image, what it shows would be lit by the transition F of
-each of its edges (:mod:`rfgen_sionna.tracing.reflectors.reflector_shadows`) in place of a sharp shadow. What that
-changes is
-integrated edge by edge, along the shadow's line and across it as far as the surface goes on that it falls on. It is of
-first order: near corners each edge is taken as if the other were sharp. What the edges of a plate come to is summed up,
-as those of corner reflectors are in phase.
+Geometrical optics ends a reflector's light at a sharp boundary; waves have a transition over Fresnel zones, F of
+:func:`rfgen_sionna.tracing.reflectors.reflector_shadows.fresnel_transition`. The difference is integrated edge by edge,
+along the shadow boundary and across it, as far as the surface below extends. The estimate is of first order: near
+corners each edge is taken as if the others were sharp. Edges of a reflector add in amplitude, as those of corner
+reflectors are in phase.
 """
 
 from __future__ import annotations
@@ -43,32 +41,32 @@ from rfgen_sionna.tracing.surface.clip import clip_triangles, triangle_areas
 from rfgen_sionna.tracing.surface.facets import Facets, sum_by_surface
 
 SAFETY = 2.0
-"""What is estimated counts so many times: at corners of shadows there is what neither edge tells."""
+"""Safety factor of the estimate: at corners of shadows single edges are not exact."""
 CELLS, MAX_CELLS = 12, 128
-"""Parts of a shadow's line on a plate, at least and at most; in each the phase counts as linear."""
+"""Parts of a shadow boundary on a reflector, least and most; the phase is linear in each."""
 PARTS, MAX_ZONES = 8, 4.0
-"""Those across it, and how far, in v of :mod:`rfgen_sionna.tracing.reflectors.reflector_shadows`."""
+"""Parts across a shadow boundary, and their extent in v, the units of `fresnel_transition`."""
 CELLS_PER_FACE = 2
-"""Those along it on a face of a bent surface."""
+"""Parts along a shadow boundary on a face of a curved surface."""
 ANGLES = np.linspace(0.0, 1.0, 33)
-"""Cosines of incidence at which reflection coefficients are looked up."""
+"""Cosines of incidence of the table of reflection coefficients."""
 
 
 CURVED = DIRECT - 1
-"""Stands for what is bent, in place of a flat part's number: another one than the straight way's."""
+"""Number of curved surfaces, in place of a planar part's; other than `DIRECT`."""
 
 
 class EdgeDiffractionError:
-    """Estimates what the outlines of plates add to returns by way of them, and take from them.
+    """Estimates the diffraction at reflectors' outlines that the returns by them lack.
 
     Parameters
     ----------
     radar
-        Where it stands.
+        Position, elements and band.
     materials
-        Of the surfaces that facets are of.
-    lot
-        (surface,) number of what each returns together with.
+        Of the surfaces of the facets.
+    tolerance_group
+        (surface,) number of the tolerance group.
     """
 
     def __init__(self, radar: Radar, materials: Sequence[Material], tolerance_group: IntArray) -> None:
@@ -84,7 +82,8 @@ class EdgeDiffractionError:
         self._tables: dict[int, FloatArray] = {}
 
     def returned(self, paths: RadarPaths, surface: IntArray, knot: int = 0) -> ComplexArray:
-        """(lot,) what `paths` by way of facets of each `surface` (path,) bring at a knot, to the first pair."""
+        """(tolerance group,) coherent sum of `paths` at a knot, for the first element pair; `surface` (path,) is of
+        their facets."""
         gain = np.sqrt(self._gains(paths.direction[:, knot]) * self._gains(paths.arrival[:, knot]))
         wave = paths.a[0, 0, :, knot] * phasors(paths.frequency * paths.tau[0, 0, :, knot]) * gain
         return sum_by_surface(wave[None], self._tolerance_group[surface], self._count)[0]
@@ -99,23 +98,21 @@ class EdgeDiffractionError:
         area: FloatArray,
         footprint_sets: Sequence[tuple[ClippedFootprints, FloatArray]],
     ) -> FloatArray:
-        """(lot,) what may be amiss with all that each returns by way of plates, as an amplitude.
+        """(tolerance group,) error of all returns by reflectors, as an amplitude.
 
         Parameters
         ----------
-        flats, plates
-            All flat parts, and those of them that are mirrors now.
+        planar_parts, reflectors
+            All planar parts, and those of them that are reflectors now.
         points
-            (vertex, 3) positions [m] of each surface that the flat parts count out.
-        facets
-            What is looked at.
-        own
-            (facet,) flat part that each is on, -1 for none.
+            (vertex, 3) positions [m] of each surface.
+        facets, own
+            Facets, and the planar part (facet,) of each, -1 for none.
         area
-            (flat,) [m^2] that tells which one is the mirror (:mod:`rfgen_sionna.tracing.reflectors.planar_reflectors`).
-        landings
-            Which plates show what of them, and the amplitude (entry,) that is left by what the ways go through. What
-            is there both ways round is looked at once.
+            (part,) [m^2] for the mirror selection
+            (:func:`rfgen_sionna.tracing.reflectors.planar_reflectors.mirror_weights`).
+        footprint_sets
+            Footprints and the amplitude (entry,) after slabs; both directions of a path count once.
         """
         known: dict[int, list[ImageSource]] = {DIRECT: [DIRECT_SOURCE]}
         triangles: dict[int, FloatArray] = {}
@@ -131,7 +128,7 @@ class EdgeDiffractionError:
                 triangles[number] = flat.triangles(points[flat.surface]) - self._view
             return triangles[number]
 
-        # What goes by the same plates may be in phase, in whatever order.
+        # Paths by the same reflectors in any order may be in phase.
         together: defaultdict[tuple[int, frozenset[int]], float] = defaultdict(float)
         for footprints, left in footprint_sets:
             size, count = triangle_areas(footprints.pieces), len(footprints.facet)
@@ -160,20 +157,20 @@ class EdgeDiffractionError:
         return SAFETY * np.sqrt(energy)
 
     def _along(self, targets: ShadowTargets, one: ImageSource, other: ImageSource) -> FloatArray:
-        """(group,) what all edges of both plates come to together."""
+        """(group,) sum over all edges of both reflectors."""
         pairs = [(one, other)] if other is DIRECT_SOURCE else [(one, other), (other, one)]
         return np.asarray(sum(np.abs(self._waves(targets, *pair)).sum(axis=0) for pair in pairs))
 
     def _waves(self, targets: ShadowTargets, source: ImageSource, other_source: ImageSource) -> ComplexArray:
-        """(edge, group) what each outer edge of `source` changes of what is in the light of all others."""
+        """(edge, group) change by each outer edge of `source`, in the light of all others."""
         edges, count, each = len(source.outer), len(targets.normal), len(targets.surface)
         none = np.zeros((edges, each), np.complex128)
         plane = bool((targets.flat >= 0).all())
-        # Every target is there once for each edge.
+        # Targets are repeated for each edge.
         pieces = np.tile(targets.pieces, (edges, 1, 1))
         owner = (np.arange(edges)[:, None] * count + targets.owner).ravel()
         side = np.repeat(source.outer, count)
-        if not plane:  # of what goes on only what the line falls on tells
+        if not plane:  # of a curved surface only faces on the boundary
             height = np.einsum("pci,pi->pc", pieces, source.sides[side[owner]]) - source.offsets[side[owner], None]
             near = (height.min(axis=1) < 0) & (height.max(axis=1) > 0)
             pieces, owner = pieces[near], owner[near]
@@ -182,7 +179,7 @@ class EdgeDiffractionError:
             np.concatenate(both) for both in zip(*rest[: 1 if other_source is source else 2], strict=True)
         )
         pieces, owner = clip_triangles(pieces, owner, sides, offsets, side)
-        # Along the line, and from it into the light.
+        # Axes along the boundary, and from it into the light.
         across = source.sides[side]
         normal = np.tile(targets.normal, (edges, 1))
         along = np.cross(across, normal)
@@ -220,7 +217,7 @@ class EdgeDiffractionError:
         line = which[0]
         foot = places[which] - aside[which][:, None] * buffer[line]
         begin, end = low[piece, cell], high[piece, cell]
-        if not plane:  # it goes on
+        if not plane:  # the surface continues
             _, zone, _ = paths_over_edge(source, side[line], foot[:, None], normal[line])
             end = 2 * MAX_ZONES * np.sqrt(0.5 * self._wavelength * zone[:, 0]) / slant[line]
             begin = -end
@@ -251,20 +248,19 @@ class EdgeDiffractionError:
         image_sources: FloatArray,
         density: FloatArray,
     ) -> ComplexArray:
-        """(line,) what one `edge` (line,) of `source` changes across its shadow's line: between `image_sources` (line,
-        2) [m] in
-        the direction `buffer` (line, 3), beginning at a `foot` (line, 3) on the line. `normal` (line, 3) is that of the
-        surface, `density` (line, 2) what a square metre returns of waves that fall on it straight, and however they do.
+        """(line,) change by one `edge` (line,) of `source` across its shadow boundary: over `image_sources` (line, 2)
+        [m] in the direction `buffer` (line, 3), from a `foot` (line, 3) on the boundary. `normal` (line, 3) is of the
+        surface, `density` (line, 2) the return of a square metre, proportional to the cosine of incidence and constant.
         """
 
         def units(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-            """Places, what v is there, and how much is returned."""
+            """Points, v there, and the return."""
             places = foot[:, None] + s[..., None] * buffer[:, None]
             longer, _, cosine = paths_over_edge(source, edge, places, normal)
             returned = density[:, :1] * cosine + density[:, 1:]
             return places, np.sign(s) * 2 * np.sqrt(longer / self._wavelength), returned
 
-        # Within some zones phases are followed; what is left beyond goes on as it went.
+        # Phases are followed within some zones and extrapolated beyond.
         last = units(image_sources)[1]
         near = image_sources * np.minimum(MAX_ZONES / np.maximum(np.abs(last), 1e-300), 1.0)
         low, high = (
@@ -272,14 +268,14 @@ class EdgeDiffractionError:
             for k, sign in enumerate((-1, 1))
         )
         followed = np.where((low < high)[:, None], np.stack([low, high], axis=1), image_sources)
-        # Near the edge itself detours go up with the distance, else with its square.
+        # Near the edge itself the detour grows linearly, else quadratically.
         root = np.sign(followed) * np.sqrt(np.abs(followed))
         root = root[:, :1] + np.diff(root, axis=1) * np.linspace(0.0, 1.0, PARTS + 1)
         s = root * np.abs(root)
         places, v, returned = units(s)
         to, fro = (np.linalg.norm(places - each.image, axis=2) for each in (source, other_source))
         phase = 2 * np.pi / self._wavelength * (to + fro)
-        # Over each part both are linear.
+        # Both are linear over each part.
         wide = np.maximum(np.diff(v, axis=1), 1e-9)
         slope = np.diff(phase, axis=1) / wide
         begin, end = v[:, :-1].copy(), v[:, :-1] + wide
@@ -289,7 +285,7 @@ class EdgeDiffractionError:
         return np.asarray((scale * turned * transition_integral(begin, end, slope)).sum(axis=1))
 
     def _cell(self, line: FloatArray, source: ImageSource, other_source: ImageSource) -> FloatArray:
-        """(target,) length [m] over which the phase along the line bends by less than about a radian."""
+        """(target,) length [m] over which the phase along the boundary bends by less than about a radian."""
         near = np.minimum(*(np.linalg.norm(line - each.image, axis=1) for each in (source, other_source)))
         return np.asarray(np.sqrt(2 * self._wavelength * near / np.pi))
 
@@ -302,8 +298,8 @@ class EdgeDiffractionError:
         places: FloatArray,
         along: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """What a square metre of the `chosen` targets returns at `places` (target, cell, 3), as :meth:`_across` has it
-        (target, cell, 2), and how the phase changes there `along` (target, 3) a line (target, cell) [rad/m]."""
+        """Return of a square metre of the `chosen` targets at `places` (target, cell, 3), as :meth:`_across` takes it
+        (target, cell, 2), and the phase slope there `along` (target, 3) (target, cell) [rad/m]."""
         normal = targets.normal[chosen]
         common, slope = np.full(places.shape[:2], 1 / (4 * np.pi)), np.zeros(places.shape[:2])
         cosine, parts = [], []
@@ -313,7 +309,7 @@ class EdgeDiffractionError:
             way = way / length[..., None]
             slope = slope + 2 * np.pi / self._wavelength * np.einsum("tci,ti->tc", way, along)
             visible = way @ end.normal
-            # Where the radar sees it.
+            # Direction from the radar.
             gain = self._gains(way - 2 * visible[..., None] * end.normal)
             common = common * np.sqrt(gain) / length * self._reflection(end.material, np.abs(visible))
             cosine.append(np.abs(np.einsum("tci,ti->tc", way, normal)))
@@ -321,13 +317,13 @@ class EdgeDiffractionError:
         own = targets.surface[targets.group[chosen]]
         for number in np.unique(own):
             common[own == number] *= self._reflection(self._materials[number], cosine[0][own == number])
-        # Of both ways round: currents go with the incidence of what is polarised across, and as it leaves of the rest.
+        # Both directions: currents go with the cosine of incidence for s polarisation, of departure for p.
         (tx, rx), (far_tx, far_rx) = parts
         across, rest = (0.5 * (tx[n] * far_rx[n] + rx[n] * far_tx[n]) for n in (0, 1))
         return np.stack([common * across, common * rest * cosine[1]], axis=2), slope
 
     def _reflection(self, material: Material | None, cosine: FloatArray) -> FloatArray | float:
-        """The larger of both coefficients; 1 for the straight way."""
+        """The larger Fresnel coefficient; 1 for the straight leg."""
         if material is None:
             return 1.0
         if id(material) not in self._tables:
@@ -339,8 +335,8 @@ class EdgeDiffractionError:
 def _polarised(
     field: FloatArray, end: ImageSource, way: FloatArray, normal: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(target, cell) shares of an element's field at an `end`, in directions `way` (target, cell, 3) from there, across
-    and in the plane of incidence on surfaces with a `normal` (target, 3)."""
+    """(target, cell) shares of an element's field in directions `way` (target, cell, 3) from an `end`, across and in
+    the plane of incidence on surfaces with a `normal` (target, 3)."""
     field = field - 2 * (field @ end.normal) * end.normal
     field = field - (way @ field)[..., None] * way
     field = field / np.maximum(np.linalg.norm(field, axis=2, keepdims=True), 1e-12)

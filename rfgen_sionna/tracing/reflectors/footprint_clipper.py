@@ -1,4 +1,4 @@
-"""Footprints of a plate's ray tubes on the facets of everything else."""
+"""Clipping of reflectors' cones to facets, and legs by reflectors."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ MAX_IMAGES = 12
 
 
 class FootprintClipper:
-    """Finds out what plates show of facets at an instant.
+    """Finds visible parts of facets by reflectors, at one time.
 
     Parameters
     ----------
     rays
-        The geometry.
-    plates
-        Of all plates those that there are now, None for the others.
+        Ray scene.
+    reflectors
+        Reflectors in use; None for the others.
     owner
-        (face,) number of the plate that each face of the ray scene belongs to, -1 for none.
+        (face,) reflector of each face of the ray scene, -1 for none.
     viewpoint
         (3,) phase centre of the radar [m].
     facets
-        What is looked at.
+        Facets to be seen by reflectors.
     max_range
-        Half the length of the longest way that counts [m].
+        Half the longest path length [m].
     """
 
     def __init__(
@@ -75,18 +75,18 @@ class FootprintClipper:
         """Rays sent so far."""
 
     def owner(self, index: NDArray[np.intp]) -> IntArray:
-        """(chosen,) number of the plate that facets lie on, -1 for none."""
+        """(chosen,) reflector of each facet, -1 for none."""
         return np.asarray(self._owner[self._facets.number[index]])
 
     def lengths(self, reflector: int, index: NDArray[np.intp]) -> FloatArray:
-        """(chosen,) one-way lengths from the viewpoint to facets' centroids by way of a plate [m]."""
+        """(chosen,) one-way path lengths from the viewpoint by a reflector to facets' centroids [m]."""
         if reflector == DIRECT:
             return np.asarray(self._distance[index])
         image = -2.0 * self._heights[reflector] * self._normals[reflector]
         return np.asarray(np.linalg.norm(self._centre[index] - image, axis=1))
 
     def candidates(self, reflector: int) -> NDArray[np.intp]:
-        """Facets that reach into what the plate shows if nothing is in between, in ascending order."""
+        """Facets in the reflector's cone, regardless of occlusion, ascending."""
         found = []
         for index, middle, radius in self._bodies:
             for sides, offsets in self._shadows[reflector]:
@@ -109,8 +109,8 @@ class FootprintClipper:
     def _cut(
         self, index: NDArray[np.intp], first: int, last: int
     ) -> tuple[NDArray[np.intp], FloatArray, NDArray[np.intp]]:
-        """Those of the facets `index` that are near enough, what the plates show of them if nothing is in between
-        (piece, 3, 3) [m], relative to the viewpoint, and which of them each piece is of."""
+        """Facets `index` in range, their pieces in both reflectors' cones regardless of occlusion (piece, 3, 3) [m],
+        relative to the viewpoint, and the facet of each piece."""
         index = index[self.lengths(first, index) + self.lengths(last, index) < self._reach]
         pieces, owner = self._corners[index], np.arange(len(index))
         for reflector in dict.fromkeys(each for each in (first, last) if each != DIRECT):
@@ -120,7 +120,7 @@ class FootprintClipper:
         return index, pieces, owner
 
     def clip_facets(self, index: NDArray[np.intp], first: int, last: int) -> ClippedFootprints:
-        """What is seen of the facets `index` by way of the plates `first` and `last`, which may be `DIRECT`."""
+        """Visible parts of the facets `index` by the reflectors `first` and `last`, either of which may be `DIRECT`."""
         index, pieces, owner = self._cut(index, first, last)
         if len(pieces) == 0:
             return ClippedFootprints.none()
@@ -139,8 +139,8 @@ class FootprintClipper:
         )
 
     def _share(self, pieces: FloatArray, facet: NDArray[np.intp], first: IntArray, last: IntArray) -> FloatArray:
-        """(piece,) share of each that both its ways reach, by plates (piece,): three guiding points, and where they
-        disagree a lattice. Rays of all ways go together: there may be hundreds of pairs of plates with few pieces."""
+        """(piece,) share that both legs reach, by reflectors (piece,): three guiding points, and a lattice where they
+        disagree. Rays of all legs are sent together, as there may be hundreds of pairs with few pieces."""
 
         def share(chosen: NDArray[np.intp], weights: FloatArray) -> FloatArray:
             targets = np.tensordot(weights, pieces[chosen], axes=(1, 1)).reshape(-1, 3)
@@ -157,11 +157,11 @@ class FootprintClipper:
         return found
 
     def left(self, footprints: ClippedFootprints) -> FloatArray:
-        """(entry,) of the amplitude at most, there and back, by what the ways go through."""
+        """(entry,) bound of the amplitude after slabs on both legs."""
         return np.ones(len(footprints.facet))
 
     def near(self, pieces: ClippedFootprints, bodies: Sequence[FloatArray]) -> NDArray[np.intp]:
-        """Pieces with a leg that comes near a body, whose (vertex, 3) positions [m] are given."""
+        """Pieces with a leg near one of the `bodies` at (vertex, 3) positions [m]."""
         middle = pieces.pieces.mean(axis=1) - self._view
         touched = np.zeros(len(middle), np.bool_)
         radius = np.linalg.norm(pieces.pieces - self._view - middle[:, None], axis=2).max(axis=1, initial=0.0)
@@ -185,7 +185,7 @@ class FootprintClipper:
         return np.flatnonzero(touched)
 
     def resample(self, rays: RayScene, pieces: ClippedFootprints, chosen: NDArray[np.intp]) -> tuple[FloatArray, int]:
-        """(chosen,) share that is seen of some pieces in another ray scene, and the number of rays sent."""
+        """(chosen,) visible share of pieces in another ray scene, and the number of rays sent."""
         other = copy(self)
         other._rays, other.sent = rays, 0
         entry = pieces.owner[chosen]
@@ -193,7 +193,7 @@ class FootprintClipper:
         return other._share(*given), other.sent
 
     def _through(self, targets: FloatArray, facet: NDArray[np.intp], reflector: IntArray) -> NDArray[np.bool_]:
-        """(target,) whether the way from the viewpoint by a plate (target,) to points of facets, relative to it, is
+        """(target,) whether the leg from the viewpoint by a reflector (target,) to points of facets, relative to it, is
         free."""
         number, free = self._facets.number[facet], np.zeros(len(targets), np.bool_)
         self.sent += len(targets)
@@ -212,8 +212,8 @@ class FootprintClipper:
         return free
 
     def _reflection_points(self, targets: FloatArray, reflector: IntArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """(target, 3) where the ways to points turn at a plate (target,), relative to the viewpoint [m], and whether
-        the points lie before it."""
+        """(target, 3) reflection points of the legs at a reflector (target,), relative to the viewpoint [m], and
+        whether the targets lie in front of it."""
         normal, here = self._normals[reflector], self._heights[reflector][:, None]
         height = np.einsum("ti,ti->t", targets, normal)[:, None] + here
         before = height > ON_PLANE

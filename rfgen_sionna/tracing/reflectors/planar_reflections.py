@@ -1,13 +1,12 @@
-"""Returns by way of flat parts of anything: corner reflectors, from body to board, furniture.
+"""Reflections of moving surfaces by planar reflectors: corner reflectors, body to board, furniture.
 
-Of two surfaces on a path one is the mirror (geometrical optics: the image of the radar, cut to the shadow of the
-mirror's outline), the other is integrated (physical optics): radar, mirror, facet, radar and the same backwards. Of
-three the middle one is integrated, for the images of Tx and Rx behind the two others. So Tx and Rx may be changed over
-without changing anything. Of two flat parts each is the mirror once, or the much larger one alone
-(:mod:`rfgen_sionna.tracing.reflectors.planar_reflectors`).
+Of two surfaces on a path one is the mirror (geometrical optics: image of the radar, clipped to the outline's cone), the
+other is integrated (physical optics): radar, mirror, facet, radar, and reversed. Of three the middle one is integrated,
+between the images of Tx and Rx. Both orders are traced, for reciprocity. Of two planar parts each is the mirror once,
+or the much larger one alone (:func:`~rfgen_sionna.tracing.reflectors.planar_reflectors.mirror_weights`).
 
-A radar that moves sees the scene move (:mod:`rfgen_sionna.tracing.relative`): walls are plates then, and ghosts in
-them, furniture and corners of the room are traced here as well.
+For a moving radar the scene moves (:mod:`rfgen_sionna.tracing.relative`): walls are reflectors like any other, and
+ghosts in them, furniture and corners of the room are traced here.
 """
 
 from __future__ import annotations
@@ -47,44 +46,44 @@ from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
 
 OMITTED_SHARE = 0.5
-"""Share of the tolerance that the returns left out may make up together."""
+"""Share of the tolerance that the omitted returns may make up together."""
 IMAGE_SAMPLES = 200
-"""Vertices of an image in a plate that moves that tell how many knots delays need."""
+"""Vertices per image that choose the knots: distances of neighbouring vertices are alike."""
 REST_INTERVALS = 3
-"""Stretches of time for which what was too weak is not looked at again, up to twice that, in turns ..."""
+"""Intervals for which a negligible reflector or group is skipped, up to twice that, in turns."""
 WAKE_GROWTH = 1.1
-"""... unless plates may show so many times more facets than when it came to rest."""
+"""Growth of its number of facets that ends a skip."""
 
 
 @dataclass(frozen=True)
 class ReflectionVisibility:
-    """What plates show of facets at an instant."""
+    """Footprints of reflectors at a sample time."""
 
     once: ClippedFootprints
-    """One way by a plate, the other straight."""
+    """With one reflected leg."""
     twice: ClippedFootprints
-    """Both ways by plates, in either order."""
+    """With two reflected legs, in either order."""
     sampled_facets: int
     rays: int
     left: Callable[[ClippedFootprints], FloatArray]
-    """(entry,) amplitude that is left at most by what the ways go through."""
+    """(entry,) bound of the amplitude after slabs."""
 
 
 class PlanarReflections:
-    """Finds and traces what plates show of moving surfaces, but for what the ghosts in walls that stay are.
+    """Finds and traces reflections of moving surfaces, except ghosts in static walls.
 
     Parameters
     ----------
-    surfaces
-        All of the scene.
-    radar
-        Where it stands.
+    surfaces, radar
+        Scene and radar.
     rtol
         Tolerance, relative to the return of each actor.
     max_bounces
         2 or 3.
     walls
-        The mirrors that ghosts are traced by, asked for at first use.
+        Returns the mirrors of traced ghosts; called at first use.
+    legs
+        Free space or slabs on the legs; None is free space.
     """
 
     def __init__(
@@ -101,17 +100,17 @@ class PlanarReflections:
         self._viewpoint = np.asarray(radar.position)
         self._planar_parts: tuple[PlanarPart, ...] | None = None
         self._positions: Callable[[float], Sequence[FloatArray]] = lambda _: ()
-        self._adjacent: list[set[int]] = []  # (plate,) those that it has an edge in common with
+        self._adjacent: list[set[int]] = []  # (reflector,) those with a common edge
         self._interval = 0
-        # Until when what is too weak is left alone: plates, and kind, surface and plates of groups.
+        # Interval until which a negligible reflector, or group (kind, surface, reflectors), is skipped.
         self._rests_until: dict[tuple[int, ...], int] = {}
-        # (plate, surface) facets that plates may show: lately, and when each of those came to rest.
+        # (reflector, surface) candidate facets: now, and at the start of each skip.
         self._counts: IntArray = np.zeros((0, len(surfaces.moving)), np.int32)
         self._rested: dict[tuple[int, ...], IntArray] = {}
-        self._skipped = set[tuple[int, ...]]()  # in this stretch
+        self._skipped = set[tuple[int, ...]]()  # in this interval
         self._imaging: list[int] = []
         self._reflectors: dict[float, tuple[PlanarReflector | None, ...]] = {}
-        # (surface,) of those that move: whether it is the radar that does.
+        # (moving surface,) whether it is at rest in the world and the radar moves.
         self._still = np.array([surface.still for surface in surfaces.moving], np.bool_)
         names = surfaces.object_names, surfaces.part_names
         self._returns = ImageReturns(surfaces.moving, names, radar, rtol, self._mirrors, self._legs.band)
@@ -120,8 +119,8 @@ class PlanarReflections:
         )
 
     def follow(self, positions: Callable[[float], Sequence[FloatArray]], t: float) -> bool:
-        """Take the vertices of the moving surfaces from `positions` for a stretch of time that `t` [s] is in; whether
-        there is any flat part at all."""
+        """Take the moving surfaces' vertices from `positions` for the interval of `t` [s]. Returns whether there is any
+        planar part."""
         self._positions = positions
         self._reflectors.clear()
         if self._planar_parts is None:
@@ -136,8 +135,8 @@ class PlanarReflections:
         return len(self._planar_parts) > 0
 
     def delay_points(self, vertices: Sequence[FloatArray]) -> list[FloatArray]:
-        """A choice of the images of the actors' `vertices` in plates, whose distances the delays follow: in the same
-        ones throughout a stretch of time, whatever side they turn to the radar."""
+        """Selected images of the actors' `vertices`, which choose the knots; in the same reflectors throughout an
+        interval."""
         every = [*self._surfaces.static_vertices, *vertices]
         few = [points[:: max(1, len(points) // IMAGE_SAMPLES)] for points in vertices]
         planar_parts = [self.planar_parts[number] for number in self._imaging]
@@ -145,11 +144,11 @@ class PlanarReflections:
 
     @property
     def planar_parts(self) -> tuple[PlanarPart, ...]:
-        """Flat parts of all surfaces, after :meth:`follow`."""
+        """Planar parts of all surfaces, after :meth:`follow`."""
         return self._planar_parts or ()
 
     def at(self, t: float) -> tuple[PlanarReflector | None, ...]:
-        """The plates as they are at `t` [s]."""
+        """Reflectors at `t` [s]; None for parts that reflect nothing to the radar."""
         if t not in self._reflectors:
             count, moving = len(self._surfaces.static), self._positions(t)
             self._reflectors[t] = tuple(
@@ -159,7 +158,7 @@ class PlanarReflections:
         return self._reflectors[t]
 
     def _mirrors(self, t: float) -> tuple[Mirror, ...]:
-        """The plates at `t` [s], blind ones in place of those that are none."""
+        """Reflectors at `t` [s], with empty ones in place of None."""
         return tuple(
             blind if reflector is None else reflector
             for reflector, blind in zip(self.at(t), self._no_reflectors, strict=True)
@@ -182,29 +181,29 @@ class PlanarReflections:
 
     @cached_property
     def owner(self) -> IntArray:
-        """(face,) number of the plate that each face of the ray scene belongs to, -1 for none."""
+        """(face,) reflector of each face of the ray scene, -1 for none."""
         return face_owners(self.planar_parts, (*self._surfaces.static, *self._surfaces.moving))
 
     @cached_property
     def _wall(self) -> NDArray[np.bool_]:
-        """(plate,) whether it is a wall that ghosts are traced by."""
+        """(reflector,) whether it is a wall of traced ghosts."""
         of_walls = {int(number) for wall in self._walls() for number in wall.faces}
         return np.array([int(flat.faces[0]) in of_walls for flat in self.planar_parts], np.bool_)
 
     @cached_property
     def _stays(self) -> NDArray[np.bool_]:
-        """(plate,) whether it stays in the world."""
+        """(reflector,) whether it is at rest in the world."""
         every = (*self._surfaces.static, *self._surfaces.moving)
         return np.array([every[flat.surface].still for flat in self.planar_parts], np.bool_)
 
     @cached_property
     def _area(self) -> FloatArray:
-        """(plate,) [m^2], those of which no facets are there to be integrated being `UNBOUNDED`."""
+        """(reflector,) [m^2]; `UNBOUNDED` for static parts, which have no facets to integrate."""
         fixed = len(self._surfaces.static)
         return np.array([UNBOUNDED if flat.surface < fixed else flat.area for flat in self.planar_parts])
 
     def trace_visibility(self, t: float, rays: RayScene, facets: Facets, fraction: FloatArray) -> ReflectionVisibility:
-        """What the plates show at `t` [s] of the facets, of which `fraction` (facet,) is seen directly."""
+        """Footprints at `t` [s] on the facets, of which `fraction` (facet,) is directly visible."""
         wall, still = self._wall, self._stays
         vertices = [*self._surfaces.static_vertices, *self._positions(t)]
         given = self.at(t), self.owner, self._viewpoint, facets, self._radar.max_range
@@ -240,8 +239,8 @@ class PlanarReflections:
         )
 
     def _partners(self, t: float) -> list[set[int]]:
-        """(plate,) by way of which plates that stay in the world, together with each of them, others are shown: itself,
-        and to a radar that moves those that it meets, as in corner reflectors, and among wide ones all others."""
+        """(reflector,) partners at rest in the world for two reflected legs: itself; for a moving radar also adjacent
+        ones, and among wide ones all others."""
         found = [{number} for number in range(len(self.planar_parts))]
         if not self._still.any():
             return found
@@ -255,14 +254,14 @@ class PlanarReflections:
         return found
 
     def _strong(self, index: NDArray[np.intp], facets: Facets, first: int, last: int) -> NDArray[np.intp]:
-        """Those of the facets `index` whose surface was not too weak by these plates lately."""
+        """Facets `index` whose surface is not skipped by these reflectors."""
         surface = facets.surface[index]
         keys = [(int(last != DIRECT), number, first, last) for number in np.unique(surface).tolist()]
         resting = [key[1] for key in keys if self._is_resting(key, self._facets_reached(key))]
         return index[~np.isin(surface, resting)] if resting else index
 
     def _is_resting(self, key: tuple[int, ...], count: IntArray) -> bool:
-        """Whether a plate or group is left alone, where plates may show so many facets."""
+        """Whether a reflector or group with `count` candidate facets is skipped."""
         rests = self._rests_until.get(key, -1) > self._interval and bool(
             (count <= WAKE_GROWTH * self._rested[key]).all()
         )
@@ -271,7 +270,7 @@ class PlanarReflections:
         return rests
 
     def _facets_reached(self, key: tuple[int, ...]) -> IntArray:
-        """Facets that the plates of a group, or a plate alone, may show of its surface, or of each."""
+        """Candidate facets of a reflector, by surface, or of a group's reflectors."""
         if len(key) == 1:
             return self._counts[key[0]]
         return np.array([self._counts[reflector, key[1]] for reflector in key[2:] if reflector != DIRECT], np.int32)
@@ -285,10 +284,8 @@ class PlanarReflections:
         centroids: Centroids,
         reference_level: FloatArray,
     ) -> tuple[list[RadarPaths], float]:
-        """Paths and their error, relative to the actors' direct returns `reference_level` (surface,) or their own.
-
-        `facets` and `visible` are those of each of the `sample_times` [s]; delays are for the `knots` [s].
-        """
+        """Paths and their error, relative to the direct returns `reference_level` (surface,) or to their own. `facets`
+        and `visible` are of each of the `sample_times` [s]; delays are for the `knots` [s]."""
         middle, paths, error, used = len(sample_times) // 2, [], 0.0, set[int]()
         reference_level = self._shared_levels(reference_level)
         weak, reference_level = self._weak(
@@ -317,11 +314,11 @@ class PlanarReflections:
         idle = [(number,) for number in range(len(self.planar_parts)) if number not in used]
         for key in (*idle, *((kind, *group) for kind, those in enumerate(weak) for group in those)):
             if key not in self._skipped:
-                # Not all at once: what comes back is looked at in turns.
+                # Skips end in turns.
                 self._rests_until[key] = self._interval + REST_INTERVALS + sum(key) % REST_INTERVALS
                 self._rested[key] = self._facets_reached(key).copy()
         self._skipped.clear()
-        # No facets mend what the mirrors' outlines do.
+        # Finer facets do not reduce the error of the outlines.
         if paths:
             level = np.abs(total)
             np.maximum.at(level, tolerance_groups(self._surfaces.moving), reference_level)
@@ -336,7 +333,7 @@ class PlanarReflections:
         visible: ReflectionVisibility,
         weak: tuple[set[tuple[int, ...]], set[tuple[int, ...]]],
     ) -> FloatArray:
-        """(lot,) what waves make of the outlines of the plates that show something at `t` [s]."""
+        """(tolerance group,) diffraction error of the outlines at `t` [s]."""
         points = [*self._surfaces.static_vertices, *self._positions(t)]
         footprint_sets = []
         for footprints, those in zip((visible.once, visible.twice), weak, strict=True):
@@ -354,7 +351,7 @@ class PlanarReflections:
         footprint_sets: Sequence[ClippedFootprints],
         swapped: bool,
     ) -> list[ReflectedFacets]:
-        """As :meth:`_facets_over_time`, each by how much it counts."""
+        """Facets over time with mirror weights."""
         shares = mirror_weights(self._area, self.owner[facets[0].number[keys[:, 0]]], keys[:, 1], keys[:, 2])
         return [
             visible_facets.times(shares)
@@ -362,15 +359,14 @@ class PlanarReflections:
         ]
 
     def _shared_levels(self, reference_level: FloatArray) -> FloatArray:
-        """(surface,) levels that errors are relative to: for what stays in the world the strongest one's."""
+        """(surface,) reference levels; of surfaces at rest in the world the strongest."""
         return np.where(self._still, reference_level[self._still].max(initial=0.0), reference_level)
 
     def _weak(
         self, t: float, facets: Facets, visible: ReflectionVisibility, reference_level: FloatArray
     ) -> tuple[tuple[set[tuple[int, ...]], set[tuple[int, ...]]], FloatArray]:
-        """Groups (surface, first, last) of `visible.once` and `visible.twice` that are too weak to count, and the
-        level of
-        each surface's strongest return, direct or not."""
+        """Negligible groups (surface, first, last) of `visible.once` and `visible.twice`, and the level of each
+        surface's strongest return, direct or not."""
         found: list[tuple[NDArray[np.int64], FloatArray]] = []
         reference_level = reference_level.copy()
         for footprints, way in ((visible.once, (True, False)), (visible.twice, (True, True))):
@@ -380,7 +376,7 @@ class PlanarReflections:
             (visible_facets,) = self._weighted_facets([facets], footprints.keys, [footprints], False)
             coherent, single = self._returns.levels(way, t, visible_facets, index.reshape(-1), len(groups))
             np.maximum.at(reference_level, groups[:, 0], coherent)
-            times = 1 if all(way) else 2  # both ways round
+            times = 1 if all(way) else 2  # both directions
             found.append(
                 (np.column_stack([np.full(len(groups), all(way)), groups]), times * np.maximum(coherent, single))
             )
@@ -390,7 +386,7 @@ class PlanarReflections:
             groups, levels = (np.concatenate([each[part] for each in found]) for part in (0, 1))
             tolerance_group = np.where(
                 self._still, -1, np.arange(len(reference_level))
-            )  # what stays shares one tolerance
+            )  # surfaces at rest share one tolerance
             for each in np.unique(tolerance_group):
                 index = np.flatnonzero(tolerance_group[groups[:, 1]] == each)
                 index = index[np.argsort(levels[index], kind="stable")]
@@ -401,5 +397,5 @@ class PlanarReflections:
 
 
 def _surface_and_reflectors(keys: NDArray[np.int64], facets: Facets) -> NDArray[np.int64]:
-    """(entry, 3) surface and plates of entries by their keys."""
+    """(entry, 3) surface and reflectors of entries by their keys."""
     return np.column_stack([facets.surface[keys[:, 0]], keys[:, 1:3]]).astype(np.int64)

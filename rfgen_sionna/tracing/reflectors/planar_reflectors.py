@@ -1,8 +1,8 @@
-"""Flat parts of any surface, moving or not, that mirror what stands before them: sides of corner reflectors, boards,
-table tops, walls.
+"""Planar parts of any surface as reflectors: sides of corner reflectors, boards, table tops, walls.
 
-A plate shows what lies in the shadow that its outline would throw if the radar's image behind it were a lamp. Outlines
-are kept as convex windows, so that facets can be cut to that shadow exactly (:mod:`rfgen_sionna.tracing.surface.clip`).
+A reflector shows the points in its cone: those between the radar's image and beyond the outline. Outlines are kept as
+convex windows, so that facets are clipped to that cone exactly (:mod:`rfgen_sionna.tracing.surface.clip`). Of two
+planar parts on a path one is the mirror, the other is integrated.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from rfgen_sionna.tracing.reflectors.clipped_footprints import DIRECT
 from rfgen_sionna.tracing.surface.surfaces import Surface
 
 MIN_WAVELENGTHS = 1.0
-"""How many wavelengths a plate that moves is wide at least: what is smaller has no shadow to speak of."""
+"""Least width of a moving reflector [wavelengths]; smaller ones have no distinct cone."""
 FRESNEL_DISTANCE = 1.0
-"""Of a plate that stays the first Fresnel zone at such a distance [m] must fit in: what is smaller, such as the backs
-of books, shows too little of a body."""
+"""A static reflector holds at least the first Fresnel zone at this distance [m]; smaller ones, such as backs of books,
+show too little of a body."""
 CREASE_ANGLE = np.radians(25.0)
-"""Faces that meet at a smaller angle stand for one bent surface, which is no mirror."""
+"""Angle [rad] below which adjoining faces stand for one curved surface."""
 MAX_SMOOTH_SHARE = 0.1
-"""Share of a plate's outline that may go over into a bent surface."""
+"""Most share of a reflector's outline that may continue in a curved surface."""
 WELD_DISTANCE = 1e-4
-"""Corners of plates are in one place when they are so near to each other [m]."""
+"""Distance below which corners of reflectors coincide [m]."""
 MAX_WINDOWS = 64
-"""Convex parts of an outline; what is more ragged is no plate."""
+"""Most convex parts of an outline; more ragged parts are no reflectors."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlanarReflector(Mirror):
-    """A mirror at an instant, with its outline."""
+    """A mirror at one time, with its outline."""
 
     windows: tuple[FloatArray, ...]
-    """Convex polygons (corner, 3) [m] that make it up."""
+    """Convex polygons (corner, 3) [m] of the outline."""
 
     def shadow(self, viewpoint: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Half-spaces (side, 3), (side,), for each window, in which n . (x - viewpoint) >= offset where the window
-        shows a point x: the sides of the cone from the image of `viewpoint`, and the plate itself."""
+        """Half-spaces (side, 3), (side,) of each window: n . (x - viewpoint) >= offset for all points x that it shows.
+        The sides of the cone from the image of `viewpoint` (3,) [m], and the reflector itself."""
         height = float(self.height(viewpoint))
         image = -2.0 * height * self.normal
         found = []
@@ -62,26 +62,26 @@ class PlanarReflector(Mirror):
 
 @dataclass(frozen=True)
 class PlanarPart:
-    """Which faces of a surface make a plate, whatever its place."""
+    """Faces of a surface that form a reflector, regardless of time."""
 
     surface: int
-    """Position among all surfaces of the scene, static ones first."""
+    """Number among all surfaces of the scene, static ones first."""
     name: str
     material: Material
     faces: NDArray[np.int64]
     """(face,) numbers among all faces of the ray scene."""
     vertices: NDArray[np.intp]
-    """Vertices that it uses."""
+    """Vertices in use."""
     windows: tuple[NDArray[np.intp], ...]
-    """Vertices of each window, in turn."""
+    """Vertices of each window, in order."""
     area: float
     """[m^2]"""
     outside: NDArray[np.intp] | None
-    """Vertices of a face, counter-clockwise seen from outside, where the surface is closed."""
+    """Corners of a face of a closed surface, whose inside reflects nothing; None for open ones."""
 
     def at(self, points: FloatArray, viewpoint: FloatArray) -> PlanarReflector | None:
-        """The plate where the surface's vertices are `points` (vertex, 3) [m]; None where it is bent, seen edge on, or
-        from the inside of a closed surface."""
+        """The reflector with the surface's vertices at `points` (vertex, 3) [m]; None where it is bent, seen edge on,
+        or from the inside of a closed surface."""
         used, centre, axes, normal = self._plane(points)
         if np.abs((used - centre) @ normal).max() > FLATNESS:
             return None
@@ -107,13 +107,13 @@ class PlanarPart:
         )
 
     def triangles(self, points: FloatArray) -> FloatArray:
-        """(triangle, 3, 3) [m] that its windows are made of."""
+        """(triangle, 3, 3) [m] of its windows, with the surface's vertices at `points` (vertex, 3) [m]."""
         fans = [np.stack([np.broadcast_to(w[0], len(w) - 2), w[1:-1], w[2:]], axis=1) for w in self.windows]
         return np.asarray(points[np.concatenate(fans)])
 
     def image(self, points: FloatArray, of: FloatArray) -> FloatArray:
-        """Mirror images (point, 3) of points `of` [m] in its plane, from whatever side, where the surface's vertices
-        are `points` (vertex, 3) [m]."""
+        """Images (point, 3) of points `of` [m] in its plane, from either side, with the surface's vertices at `points`
+        (vertex, 3) [m]."""
         _, centre, _, normal = self._plane(points)
         return np.asarray(of - 2.0 * ((of - centre) @ normal)[:, None] * normal)
 
@@ -128,8 +128,8 @@ class PlanarPart:
 def find_planar_parts(
     surfaces: Sequence[Surface], vertices: Sequence[FloatArray], least: Sequence[float]
 ) -> tuple[PlanarPart, ...]:
-    """Flat parts of the surfaces that end in edges, not in a bend, and are at least as wide, on the average over their
-    length, as `least` (surface,) [m] says."""
+    """Planar parts of the surfaces that end in edges and whose mean width is at least `least` (surface,) [m];
+    `vertices` are (vertex, 3) [m] of each."""
     found = []
     for position, (surface, points, width) in enumerate(zip(surfaces, vertices, least, strict=True)):
         faces = surface.faces
@@ -173,12 +173,12 @@ def face_owners(planar_parts: Sequence[PlanarPart], surfaces: Sequence[Surface])
 
 
 def min_widths(static: int, moving: int, wavelength: float) -> list[float]:
-    """Widths [m] for :func:`find_planar_parts` of so many surfaces that stay and that move."""
+    """Least widths [m] for :func:`find_planar_parts` of so many static and moving surfaces."""
     return [2.0 * float(np.sqrt(wavelength * FRESNEL_DISTANCE))] * static + [MIN_WAVELENGTHS * wavelength] * moving
 
 
 def adjacent_parts(planar_parts: Sequence[PlanarPart], points: Sequence[FloatArray]) -> list[set[int]]:
-    """(flat,) which others have two corners or more in common with each."""
+    """(part,) other parts with at least two common corners."""
     at: dict[tuple[int, ...], list[int]] = defaultdict(list)
     for number, flat in enumerate(planar_parts):
         for place in {
@@ -201,9 +201,8 @@ def wide_reflectors(
     wavelength: float,
     max_range: float,
 ) -> list[int]:
-    """Which of the `reflectors`, those of `planar_parts`, are wide against the Fresnel zone half way through a scene
-    of vertices
-    `points` (vertex, 3) [m] of each surface."""
+    """Numbers of the `reflectors` that are wide against the Fresnel zone half way through a scene of vertices `points`
+    (vertex, 3) [m] of each surface."""
     least = fresnel_width(points, viewpoint, wavelength, max_range)
     return [
         number
@@ -217,7 +216,7 @@ def wide_reflectors(
 def _outline_polygons(
     place: FloatArray, used: NDArray[np.intp], faces: IntArray, area: float
 ) -> tuple[NDArray[np.intp], ...]:
-    """The outline's hull where that is all it is, else its triangles; none where they are too many."""
+    """The outline's hull where that is all of it, else its triangles; none where they are too many."""
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(place)
@@ -227,28 +226,28 @@ def _outline_polygons(
 
 
 SIMILAR_AREA = 8.0
-"""Flat parts whose areas are in a smaller ratio have either role by half ..."""
+"""Ratio of areas up to which each of two planar parts is the mirror by half."""
 DISSIMILAR_AREA = 32.0
-"""... and of those in a larger one the larger is the mirror. What is in between goes over from the one to the other, so
-that nothing jumps where a size changes a little."""
+"""Ratio of areas from which the larger one alone is the mirror; a gradual change avoids jumps."""
 UNBOUNDED = 1e12
-"""Area [m^2] of what is always the mirror."""
+"""Area [m^2] of a part that is always the mirror."""
 
 
 def mirror_weights(
     area: FloatArray, own: NDArray[np.integer], first: NDArray[np.integer] | int, last: NDArray[np.integer] | int
 ) -> FloatArray:
-    """(entry,) how much facets count of which plates `first` and `last`, or `DIRECT`, show each.
+    """(entry,) weights of facets on parts `own` (entry,), -1 for none, by the reflectors `first` and `last`, or
+    `DIRECT`.
 
-    `area` (plate,) are those of the plates [m^2], `own` (entry,) is the plate that each facet lies on, -1 for none.
-    What is bent, and what plates show on both ways, has no other role.
+    `area` (part,) [m^2]. Curved surfaces and paths with two reflected legs have weight 1. Both roles of two planar
+    parts are used, for reciprocity; a small part in front of a large one is integrated alone.
     """
     return np.where((own < 0) | (np.asarray(last) != DIRECT), 1.0, mirror_weight(area[first], area[own]))
 
 
 def mirror_weight(mirror: FloatArray, integrated: FloatArray) -> FloatArray:
-    """(...,) how much ways count of which a flat part of area `mirror` (...,) is the mirror and one of area
-    `integrated` (...,) the one that is integrated [m^2]; with their roles changed over the rest to 1."""
+    """(...,) weight of paths with a mirror of area `mirror` and an integrated part of area `integrated` (...,) [m^2];
+    it adds to 1 with the roles swapped."""
     ratio = np.log(mirror) - np.log(integrated)
     return np.asarray(
         np.interp(

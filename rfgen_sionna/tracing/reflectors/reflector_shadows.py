@@ -1,5 +1,12 @@
-"""Shadows that the outlines of plates throw, and what they fall on: what
-:mod:`~rfgen_sionna.tracing.reflectors.edge_diffraction` integrates along."""
+"""Shadow boundaries of reflectors' outlines, their targets, and the field across them, for
+:mod:`~rfgen_sionna.tracing.reflectors.edge_diffraction`.
+
+Behind a straight edge the field of geometrical optics, H(v) = 1 for v > 0, is F(v) = 1/2 + (1 + j)/2 (C(v) - j S(v))
+with Fresnel's integrals; v is the distance from the shadow boundary in units in which the detour by the edge is v^2
+lambda / 4. Physical optics integrates F - H times a phase of slope q per unit of v: 0 for q = 0, else (exp(j q^2 / 2
+pi) - 1) / (j q), the difference of a wave by the edge and one straight past it. A surface that ends near the boundary
+has a part of that.
+"""
 
 from __future__ import annotations
 
@@ -17,23 +24,22 @@ from rfgen_sionna.tracing.surface.clip import clip_triangles, triangle_areas
 from rfgen_sionna.tracing.surface.facets import Facets
 
 ON_EDGE = 1e-6
-"""What is nearer to an edge or to a plane than this [m] is on it."""
+"""Distance below which a point is on an edge or plane [m]."""
 
 
 class ImageSource(NamedTuple):
-    """An end of the way: the radar, or its image with the shadow that a window of a plate throws; all relative to the
-    viewpoint [m]."""
+    """An end of the path: the radar, or its image with the cone of one window; relative to the viewpoint [m]."""
 
     image: FloatArray
     normal: FloatArray
-    """(3,) of the plate; 0 where there is none."""
+    """(3,) of the reflector; 0 without one."""
     sides: FloatArray
-    """(side, 3) half-spaces of the shadow, sides . x >= offsets; the plate itself is the last one."""
+    """(side, 3) half-spaces of the cone, sides . x >= offsets; the last one is the reflector."""
     offsets: FloatArray
     edges: FloatArray
     """(edge, 2, 3) ends of the window's edges, in the order of `sides`."""
     outer: NDArray[np.intp]
-    """Those that are the plate's, and no seam between its windows."""
+    """Edges of the reflector's outline, not between its windows."""
     material: Material | None
 
 
@@ -43,12 +49,12 @@ DIRECT_SOURCE = ImageSource(
 
 
 def image_sources(reflector: PlanarReflector | None, view: FloatArray) -> list[ImageSource]:
-    """One for each window; none where there is no plate."""
+    """One for each window; none without a reflector."""
     if reflector is None:
         return []
     image = -2.0 * float(reflector.height(view)) * reflector.normal
     edges = [np.stack([each, np.roll(each, -1, axis=0)], axis=1) - view for each in reflector.windows]
-    # What lies between two windows is in both.
+    # Edges between two windows are in both.
     places = np.rint(np.concatenate(edges).sum(axis=1) / (2 * ON_EDGE)).astype(np.int64)
     _, same, count = np.unique(places, axis=0, return_inverse=True, return_counts=True)
     seam, found, begin = count[same.reshape(-1)] > 1, [], 0
@@ -61,22 +67,22 @@ def image_sources(reflector: PlanarReflector | None, view: FloatArray) -> list[I
 
 
 class ShadowTargets(NamedTuple):
-    """Plane things that shadows fall on."""
+    """Planar targets of shadow boundaries."""
 
     pieces: FloatArray
     """(piece, 3, 3) triangles [m], relative to the viewpoint."""
     owner: NDArray[np.intp]
-    """(piece,) target that each is of."""
+    """(piece,) target of each."""
     normal: FloatArray
     """(target, 3)"""
     group: NDArray[np.intp]
-    """(target,) those of one group return together."""
+    """(target,) targets of one group add coherently."""
     weight: FloatArray
-    """(target,) share that is seen."""
+    """(target,) visible share."""
     surface: IntArray
-    """(group,) what a group is part of ..."""
+    """(group,) surface of each group."""
     flat: IntArray
-    """(group,) ... and the flat part that it is; -1 are faces of what is bent, beside which others go on."""
+    """(group,) its planar part; -1 for faces of curved surfaces, which continue."""
 
 
 def reflector_targets(
@@ -87,9 +93,8 @@ def reflector_targets(
     facets: Facets,
     own: IntArray,
 ) -> ShadowTargets:
-    """Flat parts that some facets (entry,) are on, of which an area `visible` (entry,) [m^2] returns; `outline` tells
-    the
-    triangles that one is made of, relative to the viewpoint [m]."""
+    """Planar parts of the facets (entry,) with a `visible` (entry,) area [m^2]; `triangles_of` returns the triangles of
+    a part, relative to the viewpoint [m]."""
     flat = own[facet]
     facet, visible, flat = facet[flat >= 0], visible[flat >= 0], flat[flat >= 0]
     planar_parts, first, index = np.unique(flat, return_index=True, return_inverse=True)
@@ -115,7 +120,7 @@ def facet_targets(
     own: IntArray,
     view: FloatArray,
 ) -> ShadowTargets:
-    """Those of the facets (entry,) that are on no flat part; of an area `size` (entry,) `visible` returns [m^2]."""
+    """Facets (entry,) on no planar part, with `visible` of the area `size` (entry,) [m^2]."""
     bent = own[facet] < 0
     facet, weight = facet[bent], visible[bent] / np.maximum(size[bent], 1e-300)
     surface, group = np.unique(facets.surface[facet], return_inverse=True)
@@ -132,7 +137,7 @@ def triangle_normals(triangles: FloatArray) -> FloatArray:
 
 
 def reflector_pairs(footprints: ClippedFootprints) -> list[tuple[int, int, NDArray[np.intp]]]:
-    """Pairs of plates, and which entries go by them; of both ways round one."""
+    """Pairs of reflectors with their entries, each direction pair once."""
     once = np.flatnonzero(
         (footprints.last == DIRECT) | ((footprints.first <= footprints.last) & (footprints.first != DIRECT))
     )
@@ -148,8 +153,8 @@ def reflector_pairs(footprints: ClippedFootprints) -> list[tuple[int, int, NDArr
 
 
 def triangle_spans(t: FloatArray, s: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(piece, cell) where lines across, at `at` (piece, cell), enter and leave triangles with corners `t`, `s`
-    (piece, corner); the other way round where they miss them."""
+    """(piece, cell) entry and exit of lines `at` (piece, cell) through triangles with corners `t`, `s` (piece, corner);
+    reversed where they miss."""
     away = t[:, :, None] - at[:, None]
     after, following_s = np.roll(away, -1, axis=1), np.roll(s, -1, axis=1)
     met = away * after < 0
@@ -161,14 +166,14 @@ def triangle_spans(t: FloatArray, s: FloatArray, at: FloatArray) -> tuple[FloatA
 def paths_over_edge(
     source: ImageSource, edge: NDArray[np.intp], places: FloatArray, normal: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Of the shortest ways from the lamp by its `edge` (line,) to `places` (line, place, 3) on a surface with a
-    `normal` (line, 3): by how much longer than straight ones they are [m], what of them comes after the edge, divided
-    by the share that comes before it [m], and the cosine of their incidence. All (line, place)."""
+    """Of the shortest paths from the source by its `edge` (line,) to `places` (line, point, 3) on a surface with a
+    `normal` (line, 3): excess length [m], length after the edge over the share before it [m], and cosine of incidence,
+    all (line, point)."""
     one, other = np.moveaxis(source.edges[edge][:, :, None], 1, 0)
     along = (other - one) / np.linalg.norm(other - one, axis=-1, keepdims=True)
 
     def unrolled(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """How far along the edge and from it."""
+        """Coordinates along the edge and distances from it."""
         offset = points - one
         length = (offset * along).sum(axis=-1)
         return length, np.linalg.norm(offset - length[..., None] * along, axis=-1)
@@ -183,12 +188,11 @@ def paths_over_edge(
 
 
 MIN_SLOPE = 1e-4
-"""Slope below which it counts as such: beside 1 / q enough digits are left, and over hundreds of zones next to no
-phase."""
+"""Least slope: 1 / q keeps enough digits, at next to no phase over hundreds of zones."""
 
 
 def fresnel_transition(v: FloatArray) -> ComplexArray:
-    """F, of any shape."""
+    """Transition F(v), of any shape."""
     from scipy.special import fresnel
 
     sine, cosine = fresnel(v)
@@ -196,15 +200,15 @@ def fresnel_transition(v: FloatArray) -> ComplexArray:
 
 
 def transition_integral(low: FloatArray, high: FloatArray, slope: FloatArray) -> ComplexArray:
-    """Integral of (F(v) - H(v)) exp(-j q v) from v = `low` to `high`, which may be infinite; `slope` is q. All of one
-    shape."""
+    """Integral of (F(v) - H(v)) exp(-j q v) from v = `low` to `high`, either of which may be infinite; `slope` is q.
+    All of one shape."""
     q = np.where(slope < 0, -1.0, 1.0) * np.maximum(np.abs(slope), MIN_SLOPE)
     turned = np.exp(0.5j * q * q / np.pi)
 
     unoccluded = low >= 0, high > 0
 
     def below(v: FloatArray, unoccluded: NDArray[np.bool_]) -> ComplexArray:
-        # By parts: F' is a Gaussian of imaginary width, which the phase's slope moves.
+        # By parts: F' is a Gaussian of imaginary width, shifted by the slope.
         known = np.isfinite(v)
         there = np.where(known, v, 0.0)
         own = np.where(known, (fresnel_transition(there) - unoccluded) * np.exp(-1j * q * there), 0.0)

@@ -1,4 +1,4 @@
-"""Ways that go straight on through slabs."""
+"""Straight legs through slabs, and visibility of facets through a sequence of slabs."""
 
 from __future__ import annotations
 
@@ -17,38 +17,38 @@ from rfgen_sionna.tracing.shadows.visible_polygons import bisect_edges
 from rfgen_sionna.tracing.surface.surfaces import Surface
 
 MAX_SLABS = 4
-"""Slabs that are gone through at most, on one leg."""
+"""Most slabs on a leg: more lose too much to matter."""
 BLOCKED = -2
-"""In place of a slab: nothing gets through."""
+"""In place of a slab: opaque."""
 
 
 class SlabCrossings(NamedTuple):
-    """What each way goes through."""
+    """Slabs on each leg."""
 
     crossed: NDArray[np.int64]
-    """(way, depth) surfaces, nearest to the origin first; `NO_SLAB` after the last, `BLOCKED` where the way ends."""
+    """(leg, depth) surfaces, nearest to the origin first; `NO_SLAB` after the last, `BLOCKED` on blocked legs."""
     normals: FloatArray
-    """(way, depth, 3) unit vectors across them."""
+    """(leg, depth, 3) unit normals of the slabs."""
 
     @property
     def unblocked(self) -> NDArray[np.bool_]:
-        """(way,) whether something gets through."""
+        """(leg,) whether the leg is free up to slabs."""
         return np.asarray((self.crossed != BLOCKED).all(axis=1))
 
 
 class SlabTracer:
-    """Sends rays through slabs.
+    """Traces rays through slabs.
 
     Parameters
     ----------
     rays
-        The geometry.
+        Ray scene.
     vertices, surfaces
-        (vertex, 3) [m] of every surface in it, and these: where they are round, so are slabs.
+        (vertex, 3) [m] of every surface in it, and the surfaces; smooth ones are smooth slabs.
     through
-        (surface,) amplitude that gets through each, 0 for what is opaque.
+        (surface,) transmitted amplitude, 0 for opaque ones.
     least
-        Ways end where less than this is left of the amplitude's square.
+        Squared amplitude below which a leg is blocked.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class SlabTracer:
         """Rays sent so far."""
 
     def with_rays(self, rays: RayScene) -> SlabTracer:
-        """The same in another geometry, of which surfaces beyond those of this one let nothing through."""
+        """The same in another ray scene, in which additional surfaces are opaque."""
         other = copy(self)
         other._rays, other.sent = rays, 0
         return other
@@ -82,16 +82,16 @@ class SlabTracer:
         starts: NDArray[np.integer] | None = None,
         exact: bool = False,
     ) -> SlabCrossings:
-        """What is between `origins` (way, 3) or (3,) and `targets` (way, 3) [m].
+        """Slabs between `origins` (leg, 3) or (3,) and `targets` (leg, 3) [m].
 
         Parameters
         ----------
         label
-            (face,) of the ray scene; None numbers them.
+            (face,) label of each face of the ray scene; None numbers them.
         ends, starts
-            (way,) label of what the target, and the origin, is on, which does not hide.
+            (leg,) label of the target's and the origin's face, which do not block.
         exact
-            Whether ways end that come to the target's place without meeting what it is on.
+            Whether legs that reach the target without a hit on its face are blocked.
         """
         count = len(targets)
         crossing = np.full((count, MAX_SLABS), NO_SLAB, np.int64)
@@ -103,7 +103,7 @@ class SlabTracer:
         k = span / np.maximum(reach, 1e-12)[:, None]
         begun = np.zeros(count) if starts is None else BLIND_GAP * reach
         open_ = np.flatnonzero(reach > 0)
-        for _ in range(MAX_SLABS + 2):  # one more where a ray meets what it starts on
+        for _ in range(MAX_SLABS + 2):  # one more for a hit on the origin's face
             if len(open_) == 0:
                 return SlabCrossings(crossing, normals)
             hits = self._rays.first_hit(origins[open_] + begun[open_, None] * k[open_], k[open_])
@@ -127,7 +127,7 @@ class SlabTracer:
             for each in np.unique(surface):
                 chosen = surface == each
                 corners = self._normals[each]
-                if corners is not None:  # it is gone through
+                if corners is not None:  # transmitting
                     across[chosen] = unit(np.einsum("rc,rci->ri", place[chosen], corners[face[chosen]]))
             across *= -np.sign(np.einsum("ri,ri->r", across, k[lane]))[:, None]
             crossing[lane, depth[lane]], normals[lane, depth[lane]] = surface, across
@@ -140,7 +140,7 @@ class SlabTracer:
 
 
 def _corner_normals(points: FloatArray, surface: Surface) -> FloatArray:
-    """(face, corner, 3) unit vectors."""
+    """(face, corner, 3) unit normals."""
     if surface.smooth is not None:
         return surface.smooth.normals(points, surface.faces)
     one, other = (points[surface.faces[:, k]] - points[surface.faces[:, 0]] for k in (1, 2))
@@ -148,19 +148,18 @@ def _corner_normals(points: FloatArray, surface: Surface) -> FloatArray:
 
 
 class SlabVisibility:
-    """Tells what of facets is seen through slabs, as :class:`rfgen_sionna.tracing.shadows.visible_polygons.Look` has
-    it.
+    """Visibility of facets through slabs, a :class:`rfgen_sionna.tracing.shadows.visible_polygons.VisibilitySampler`.
 
     Parameters
     ----------
-    walk
-        Finds the slabs on the way.
+    slab_tracer
+        Finds the slabs on a leg.
     viewpoint
         (3,) [m].
     corners, number
-        (facet, 3, 3) [m] and (facet,) the ray scene's face that each is a piece of.
-    chains
-        (facet, depth) the slabs through which each is looked at.
+        (facet, 3, 3) [m] and (facet,) face of the ray scene.
+    crossings
+        (facet, depth) slabs that each is seen through.
     """
 
     def __init__(
@@ -175,7 +174,7 @@ class SlabVisibility:
         self._corners, self._number, self._crossings = corners, number, crossings
 
     def visible(self, of: NDArray[np.intp], places: FloatArray) -> NDArray[np.bool_]:
-        """As :class:`rfgen_sionna.tracing.shadows.visible_polygons.Look` has it."""
+        """See :class:`rfgen_sionna.tracing.shadows.visible_polygons.VisibilitySampler`."""
         if not len(of):
             return np.zeros(0, np.bool_)
         targets = np.einsum("rc,rci->ri", places, np.take(self._corners, of, axis=0))
@@ -185,5 +184,5 @@ class SlabVisibility:
     def edges(
         self, of: NDArray[np.intp], unoccluded: FloatArray, occluded: FloatArray, halvings: NDArray[np.intp]
     ) -> tuple[FloatArray, FloatArray]:
-        """As there; how far off the slabs' rims are nobody asks for."""
+        """See there; without the distance of the occluder."""
         return bisect_edges(self.visible, of, unoccluded, occluded, halvings)

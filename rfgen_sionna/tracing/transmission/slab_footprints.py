@@ -1,4 +1,4 @@
-"""Where plates show facets to the radar through slabs, on any leg of the way."""
+"""Footprints of reflectors with slabs on any leg."""
 
 from __future__ import annotations
 
@@ -40,21 +40,21 @@ from rfgen_sionna.tracing.transmission.slab_crossings import BLOCKED, MAX_SLABS,
 from rfgen_sionna.tracing.transmission.transmission import OMITTED_SHARE, Transmission
 
 LEGS = 4
-"""From the one end to its plate, from there to the facet, and the same of the other end; what goes straight goes by the
+"""From one end to its reflector, from there to the facet, and the same of the other end; a straight leg is the
 second."""
 _REVERSED_LEGS = [2, 3, 0, 1]
 _SOURCE = -3
-"""Label of the faces of the plate that a leg begins on."""
+"""Label of the faces of the reflector that a leg starts on."""
 
 
 @dataclass(frozen=True)
 class SlabFootprints(ClippedFootprints):
-    """Pieces of facets that are seen by way of plates and through at least one slab, at an instant."""
+    """Visible pieces of facets by reflectors and through at least one slab, at one time."""
 
     crossed: NDArray[np.int64]
-    """(entry, leg, depth) surfaces gone through, or `NO_SLAB`."""
+    """(entry, leg, depth) surfaces crossed, or `NO_SLAB`."""
     across: FloatArray
-    """(entry, leg, depth, 3) the slabs' normals, summed over the sample points."""
+    """(entry, leg, depth, 3) normals of the slabs, summed over the sample points."""
 
     @classmethod
     def none(cls) -> Self:
@@ -62,31 +62,31 @@ class SlabFootprints(ClippedFootprints):
         return cls(**_columns(plain, ClippedFootprints), crossed=crossed, across=np.zeros((*crossed.shape, 3)))
 
     def swapped(self) -> Self:
-        """The same with both ways changed over."""
+        """The same with both legs swapped."""
         crossed, across = self.crossed[:, _REVERSED_LEGS], self.across[:, _REVERSED_LEGS]
         return replace(self, first=self.last, last=self.first, crossed=crossed, across=across)
 
     @property
     def keys(self) -> NDArray[np.int64]:
-        """(entry, 3 + leg depth) facet, plates and slabs."""
+        """(entry, 3 + leg depth) facet, reflectors and slabs."""
         plain = np.stack([self.facet, self.first, self.last], axis=1).astype(np.int64)
         return np.concatenate([plain, self.crossed.reshape(len(plain), LEGS * MAX_SLABS)], axis=1)
 
 
 @dataclass(frozen=True)
 class SlabReflectedFacets(ReflectedFacets):
-    """Facets as plates show them through slabs."""
+    """Facets by reflectors through slabs."""
 
     crossed: IntArray
-    """(facet, leg, depth) surfaces gone through on the way from Tx and on that to Rx, or `NO_SLAB`."""
+    """(facet, leg, depth) surfaces crossed from Tx and to Rx, or `NO_SLAB`."""
     across: FloatArray
-    """(facet, leg, depth, 3) unit vectors across them."""
+    """(facet, leg, depth, 3) unit normals of the slabs."""
 
     @classmethod
     def over_time(
         cls, facets: Sequence[Facets], keys: NDArray[np.int64], footprint_sets: Sequence[SlabFootprints], swapped: bool
     ) -> list[SlabReflectedFacets]:
-        """Facets by `keys`, sorted by their rows, at each instant."""
+        """Facets by sorted `keys` at each sample time."""
         places = [find_rows(keys, footprints.keys) for footprints in footprint_sets]
         normals = normals_over_time(places, [footprints.across for footprints in footprint_sets], len(keys))
         crossed = keys[:, 3:].reshape(-1, LEGS, MAX_SLABS).astype(np.int32)
@@ -102,11 +102,11 @@ class SlabReflectedFacets(ReflectedFacets):
         ]
 
     def between(self, after: MirroredFacets, share: float) -> SlabReflectedFacets:
-        """With the slabs as they are a `share` of the way to what is seen `after`."""
+        """With slab normals at a `share` of the way to those of `after`."""
         return replace(self, across=interpolated_normals(self.across, _through_slabs(after).across, share))
 
     def take(self, index: NDArray[np.intp]) -> SlabReflectedFacets:
-        """The facets that `index`, no number of them twice, counts out."""
+        """Facets by `index` without repeated ones."""
         chosen = _columns(super().take(index), ReflectedFacets)
         return SlabReflectedFacets(**chosen, crossed=self.crossed[index], across=self.across[index])
 
@@ -124,8 +124,8 @@ class SlabReflectedBand(ReflectedBand):
         self._table = table
 
     def lengths(self, centroids: FloatArray, visible_facets: MirroredFacets) -> FloatArray:
-        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the mirrors of the facets, that of
-        the slabs' bulk included."""
+        """(tx, rx, facet) delays [s] by `centroids` (facet, 3) [m, world] and the facets' mirrors, with those of the
+        slabs."""
         visible_facets = _through_slabs(visible_facets)
         place, legs = centroids - self._origin, []
         for by, mirror, elements, first in (
@@ -133,7 +133,7 @@ class SlabReflectedBand(ReflectedBand):
             (self.rx, visible_facets.last, self._rx, 2),
         ):
             visible, behind = place, visible_facets.across[:, first + 1]
-            if by:  # as the mirror shows it, and the slabs behind the mirror
+            if by:  # images of the facet and of the slabs behind the mirror
                 normal = self._normals[mirror]
                 height = np.einsum("fi,fi->f", place, normal) + self._offsets[mirror]
                 visible = place - 2.0 * height[:, None] * normal
@@ -174,18 +174,18 @@ def _through_slabs(visible_facets: MirroredFacets) -> SlabReflectedFacets:
 
 
 class SlabFootprintClipper(FootprintClipper):
-    """As :class:`~rfgen_sionna.tracing.reflectors.footprint_clipper.FootprintClipper`, for what is seen through slabs.
+    """As :class:`~rfgen_sionna.tracing.reflectors.footprint_clipper.FootprintClipper`, through slabs.
 
     Parameters
     ----------
-    walk
-        Goes through slabs of the geometry.
+    slab_tracer
+        Traces rays through slabs.
     through
-        (surface,) amplitude that gets through each.
+        (surface,) transmitted amplitude.
     least
-        Of both ways together, what is not looked at any more.
+        Amplitude of both legs below which a path is blocked.
     given
-        What a :class:`~rfgen_sionna.tracing.reflectors.footprint_clipper.FootprintClipper` is made of.
+        Arguments of :class:`~rfgen_sionna.tracing.reflectors.footprint_clipper.FootprintClipper`.
     """
 
     def __init__(self, slab_tracer: SlabTracer, through: FloatArray, least: float, *given: Any) -> None:
@@ -194,11 +194,11 @@ class SlabFootprintClipper(FootprintClipper):
             slab_tracer,
             np.append(through, 1.0),
             least,
-        )  # the last one for NO_SLAB
+        )  # last entry for NO_SLAB
 
     def clip_facets(self, index: NDArray[np.intp], first: int, last: int) -> SlabFootprints:
-        """What is seen of the facets `index` by way of the plates `first` and `last`, which may be `DIRECT`, through at
-        least one slab."""
+        """Visible parts of the facets `index` by the reflectors `first` and `last`, either of which may be `DIRECT`,
+        through at least one slab."""
         index, pieces, owner = self._cut(index, first, last)
         if len(pieces) == 0:
             return SlabFootprints.none()
@@ -214,14 +214,12 @@ class SlabFootprintClipper(FootprintClipper):
         return self._gathered(index, pieces, owner, first, last, rows)
 
     def left(self, footprints: ClippedFootprints) -> FloatArray:
-        """(entry,) of the amplitude at most, there and back, at normal incidence."""
+        """(entry,) bound of the amplitude of both legs, at normal incidence."""
         crossed = _crossings(footprints).crossed
         return np.asarray(np.where(crossed >= 0, self._amplitude[crossed], 1.0).prod(axis=(1, 2)))
 
     def resample(self, rays: RayScene, pieces: ClippedFootprints, chosen: NDArray[np.intp]) -> tuple[FloatArray, int]:
-        """As :meth:`.FootprintClipper.resample`: the share from where ways go
-        through the same
-        slabs as they did, and through nothing else."""
+        """As :meth:`.FootprintClipper.resample`; legs must cross the same slabs as before."""
         pieces = _crossings(pieces)
         other = copy(self)
         other._slab_tracer = self._slab_tracer.with_rays(rays)
@@ -249,7 +247,7 @@ class SlabFootprintClipper(FootprintClipper):
         last: int,
         rows: Sequence[tuple[NDArray[np.intp], NDArray[np.int64], FloatArray]],
     ) -> SlabFootprints:
-        """Entries from pieces, and the chains and normals of their samples."""
+        """Entries from pieces with the slabs and normals of their samples."""
         keys, weights, normals = [], [], []
         for piece, crossings, across in rows:
             samples = crossings.shape[1]
@@ -284,9 +282,8 @@ class SlabFootprintClipper(FootprintClipper):
     def _visibility(
         self, pieces: FloatArray, facet: NDArray[np.intp], first: int, last: int, weights: FloatArray
     ) -> tuple[NDArray[np.int64], FloatArray]:
-        """(piece, sample, leg depth) surfaces on the ways to samples of pieces, `BLOCKED` where nothing gets through,
-        and
-        (piece, sample, leg, depth, 3) their normals."""
+        """(piece, sample, leg depth) surfaces on the legs to samples of pieces, `BLOCKED` on blocked ones, and (piece,
+        sample, leg, depth, 3) their normals."""
         targets = np.einsum("sc,pci->psi", weights, pieces).reshape(-1, 3)
         lane = np.repeat(facet, len(weights))
         one = self._way(targets, lane, first)
@@ -301,8 +298,8 @@ class SlabFootprintClipper(FootprintClipper):
     def _way(
         self, targets: FloatArray, facet: NDArray[np.intp], reflector: int
     ) -> tuple[NDArray[np.int64], FloatArray]:
-        """(target, 2, depth) surfaces before and behind the plate on the way to points relative to the viewpoint, with
-        their normals."""
+        """(target, 2, depth) surfaces before and behind the reflector on the leg to points relative to the viewpoint,
+        and their normals."""
         number = self._facets.number[facet]
         crossings = np.full((len(targets), 2, MAX_SLABS), NO_SLAB, np.int64)
         normals = np.zeros((*crossings.shape, 3))

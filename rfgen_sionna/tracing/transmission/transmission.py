@@ -1,8 +1,8 @@
-"""What is seen through slabs: behind a wall or a window, under clothing.
+"""Direct returns through slabs: behind a wall or a window, under clothing.
 
-A ray that meets a surface with a thickness goes straight on, up to `MAX_SLABS` times. A facet that is hidden in the
-plain sense is seen through as many chains of slabs as rays to its corners have, and where they differ cut along the
-slabs' rims.
+A ray that meets a surface with a thickness goes straight on, up to `MAX_SLABS` times. An occluded facet is visible
+through each sequence of slabs that rays to its corners cross; where the sequences differ it is cut at the slabs'
+silhouettes.
 """
 
 from __future__ import annotations
@@ -44,40 +44,39 @@ from rfgen_sionna.tracing.transmission.slab_crossings import MAX_SLABS, SlabTrac
 
 _GUIDE_POINTS = inset_points(np.eye(3), EDGE_INSET)
 _TO_CORNERS = np.linalg.inv(_GUIDE_POINTS).T
-"""(point, corner) what is linear on a facet has at its corners, of what it has at `_GUIDE_POINTS`, where guiding
-rays go."""
+"""(point, corner) linear map from values at `_GUIDE_POINTS`, the targets of guiding rays, to the facet's corners."""
 OMITTED_SHARE = 0.5
-"""Share of the tolerance below which what is left of a wave, there and back, counts as nothing."""
+"""Share of the tolerance below which the transmitted amplitude of a round trip counts as 0."""
 
 
 @dataclass(frozen=True)
 class TransmittedVisibility:
-    """Facets that are seen through slabs, at an instant."""
+    """Facets visible through slabs, at one time."""
 
     keys: NDArray[np.int64]
-    """(entry, 1 + depth) facet, and the surface of each slab, nearest first, or `NO_SLAB`; sorted by rows."""
+    """(entry, 1 + depth) facet and surface of each slab, nearest first, or `NO_SLAB`; sorted by rows."""
     share: FloatArray
-    """(entry,) share of the facet's area."""
+    """(entry,) visible share of the facet's area."""
     normals: FloatArray
-    """(entry, depth, corner, 3) normals of the slabs on the ways to the facet's corners, of any length."""
+    """(entry, depth, corner, 3) normals of the slabs on the legs to the facet's corners, not normalised."""
     owner: NDArray[np.intp]
-    """(piece,) entry that each is of, ascending: what is seen through those slabs of facets that they cover in part."""
+    """(piece,) entry of each, ascending; partly covered facets alone have pieces."""
     pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates of its corners."""
+    """(piece, corner, 3) barycentric coordinates of the corners."""
     missed: float
-    """Estimated error of these, relative to what all facets return without interfering."""
+    """Estimated error of the pieces, relative to the incoherent sum of all facets."""
     sampled_facets: int
     rays: int
 
 
 @dataclass(frozen=True)
 class TransmittedFacets(MirroredFacets):
-    """Facets, each as it is seen through one chain of slabs."""
+    """Facets, each through one sequence of slabs."""
 
     crossed: IntArray
-    """(facet, depth) surfaces gone through, or `NO_SLAB`."""
+    """(facet, depth) surfaces crossed, or `NO_SLAB`."""
     across: FloatArray
-    """(facet, depth, corner, 3) unit vectors across them on the ways to the facet's corners."""
+    """(facet, depth, corner, 3) unit normals of the slabs on the legs to the facet's corners."""
 
     @classmethod
     def transmitted(cls, facets: Facets, keys: NDArray[np.int64], normals: FloatArray) -> TransmittedFacets:
@@ -93,13 +92,13 @@ class TransmittedFacets(MirroredFacets):
         )
 
     def between(self, after: MirroredFacets, share: float) -> TransmittedFacets:
-        """With the slabs as they are a `share` of the way to what is seen `after`."""
+        """With slab normals at a `share` of the way to those of `after`."""
         if not isinstance(after, TransmittedFacets):
             raise TypeError(f"after is a {type(after).__name__}: TransmittedFacets are needed")
         return replace(self, across=interpolated_normals(self.across, after.across, share))
 
     def finer(self) -> tuple[Facets, NDArray[np.intp]]:
-        """Of bent ones each piece has normals at corners of its own."""
+        """As of any facets; quarters of curved facets get normals at their own corners."""
         found, index = super().finer()
         pieces = np.flatnonzero(np.zeros(len(self), np.bool_) if self.curved is None else self.curved)
         across = self.across[index]
@@ -108,13 +107,13 @@ class TransmittedFacets(MirroredFacets):
         return replace(cast(TransmittedFacets, found), across=across), index
 
     def cut(self, owner: NDArray[np.intp], weights: FloatArray) -> TransmittedFacets:
-        """Pieces as of any facets, with the slabs' normals in the middle of what they are cut from, by which delays go:
-        :meth:`TransmissionBand.lengths`."""
+        """Pieces as of any facets, with the mean normals of the whole facet, which delays use
+        (:meth:`TransmissionBand.lengths`)."""
         found = cast(TransmittedFacets, super().cut(owner, weights))
         return replace(found, across=np.repeat(unit(found.across.sum(axis=2))[:, :, None], 3, axis=2))
 
     def take(self, index: NDArray[np.intp]) -> TransmittedFacets:
-        """The facets that `index` counts out."""
+        """Facets by `index`."""
         chosen = super().take(index)
         return TransmittedFacets(
             **{each.name: getattr(chosen, each.name) for each in fields(MirroredFacets)},
@@ -124,14 +123,14 @@ class TransmittedFacets(MirroredFacets):
 
 
 class TransmissionBand(ImageBand):
-    """As :class:`~rfgen_sionna.tracing.ghosts.image_band.ImageBand`, for :class:`TransmittedFacets` and no mirrors."""
+    """As :class:`~rfgen_sionna.tracing.ghosts.image_band.ImageBand`, for :class:`TransmittedFacets` without mirrors."""
 
     def __init__(self, table: SlabTable, radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool):
         super().__init__(radar, rtol, mirrors, tx, rx)
         self._table = table
 
     def lengths(self, centroids: FloatArray, visible_facets: MirroredFacets) -> FloatArray:
-        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world], that of the slabs' bulk included."""
+        """(tx, rx, facet) delays [s] by `centroids` (facet, 3) [m, world], with those of the slabs."""
         if not isinstance(visible_facets, TransmittedFacets):
             raise TypeError(f"shown is a {type(visible_facets).__name__}: TransmittedFacets are needed")
         place, legs, across = centroids - self._origin, [], unit(visible_facets.across.sum(axis=2))
@@ -150,18 +149,14 @@ class TransmissionBand(ImageBand):
 
 
 class Transmission:
-    """Finds and traces what is seen through slabs.
+    """Finds and traces direct returns through slabs.
 
     Parameters
     ----------
-    every
-        All surfaces, as the ray scene numbers them.
+    surfaces, radar
+        Scene and radar.
     targets
-        Those that the facets are of.
-    names
-        Those of objects and of parts.
-    radar
-        Where it stands.
+        Surfaces of the facets.
     rtol
         Tolerance, relative to the direct return of each surface.
     """
@@ -191,13 +186,13 @@ class Transmission:
         return next(number for number, each in enumerate(self.surfaces) if each is surface)
 
     def any_transmission(self, only: Sequence[int] | None = None, *, one_way: bool = False) -> bool:
-        """Whether there is anything to be seen through at all, there and back or `one_way`; among `only` these
-        surfaces, None is all."""
+        """Whether anything is visible through slabs, on a round trip or `one_way`; `only` these surfaces transmit, None
+        means all."""
         through = self.through if only is None else self.through[list(only)]
         return bool((through ** (1 if one_way else 2) > OMITTED_SHARE * self.rtol).any())
 
     def slab_amplitudes(self, only: Sequence[int] | None) -> FloatArray:
-        """(surface,) amplitude that gets through, if `only` these surfaces are gone through."""
+        """(surface,) transmitted amplitude, if `only` these surfaces transmit; None means all."""
         through = self.through.copy()
         if only is not None:
             through[np.setdiff1d(np.arange(len(through)), only)] = 0.0
@@ -206,8 +201,8 @@ class Transmission:
     def slab_tracer(
         self, rays: RayScene, vertices: Sequence[FloatArray], only: Sequence[int] | None = None
     ) -> SlabTracer:
-        """What sends rays through the slabs, or `only` through these surfaces, as long as enough is left, there and
-        back; `vertices` are the (vertex, 3) positions [m] of all."""
+        """Tracer of rays through the slabs, or `only` these surfaces, down to the least amplitude of a round trip;
+        `vertices` are the (vertex, 3) positions [m] of all surfaces."""
         return SlabTracer(rays, vertices, self.surfaces, self.slab_amplitudes(only), OMITTED_SHARE * self.rtol)
 
     def trace_visibility(
@@ -218,10 +213,8 @@ class Transmission:
         fraction: FloatArray,
         only: Sequence[int] | None = None,
     ) -> TransmittedVisibility:
-        """What is seen through slabs of the facets, of which `fraction` (facet,) is seen plainly.
-
-        `vertices` are the (vertex, 3) positions [m] of all surfaces; `only` these surfaces are gone through.
-        """
+        """Visibility through slabs of the facets, of which `fraction` (facet,) is directly visible. `vertices` are the
+        (vertex, 3) positions [m] of all surfaces; `only` these surfaces transmit."""
         through = self.slab_amplitudes(only)
         penetrable = through**2 > OMITTED_SHARE * self.rtol
         near = np.linalg.norm(facets.centroids - self._viewpoint, axis=1) < self._radar.max_range
@@ -245,14 +238,14 @@ class Transmission:
         found, back = np.unique(key[visible], axis=0, return_inverse=True)
         entry = back.reshape(-1)
         gather = csr_array((np.ones(len(visible)), (entry, np.arange(len(visible)))), shape=(len(found), len(visible)))
-        # Guiding rays tell of all corners, as normals are linear on a facet; where they go through other slabs, of each
-        # what those tell in the mean that go through it.
+        # Normals are linear on a facet: guiding rays give those at corners. Where they cross different slabs, each
+        # sequence gets the mean of its rays.
         whole = np.repeat(alike, len(_GUIDE_POINTS))[visible]
         to_corners = np.tile(_TO_CORNERS, (len(index), 1))[visible]
         to_corners[~whole] = 1.0
         corners = guided.normals[visible][:, :, None] * to_corners[:, None, :, None]
         normals = (gather @ corners.reshape(len(visible), -1)).reshape(len(found), MAX_SLABS, 3, 3)
-        # What the slabs' rims cut has its own phase.
+        # Pieces cut at slabs' silhouettes have their own phase.
         share = np.bincount(entry, minlength=len(found)) / len(_GUIDE_POINTS)
         through_all = np.where(found[:, 1:] == NO_SLAB, 1.0, through[found[:, 1:]]).prod(axis=1) ** 2
         own = found[:, 0].astype(np.intp)
@@ -275,17 +268,16 @@ class Transmission:
 
     @property
     def penetrable(self) -> NDArray[np.bool_]:
-        """(surface,) which can be seen through."""
+        """(surface,) whether it transmits."""
         return np.asarray(self.through**2 > OMITTED_SHARE * self.rtol)
 
     def possibly_visible(self, facets: Facets, penetrable: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(facet,) which may be seen the straight way: the back of a hollow thing through its front, if it is
-        `penetrable`
-        (surface,)."""
+        """(facet,) whether the facet faces the radar, or its surface is `penetrable` (surface,) and its back may be
+        visible."""
         return np.asarray(facets.facing | penetrable[self._own][facets.surface])
 
     def weights(self, visible: TransmittedVisibility, count: int) -> FloatArray:
-        """(facet,) of so many, what is left of each through slabs at normal incidence."""
+        """(facet,) transmitted amplitude of `count` facets at normal incidence."""
         crossed = visible.keys[:, 1:]
         left = np.where(crossed == NO_SLAB, 1.0, self.through[crossed]).prod(axis=1) ** 2
         return np.asarray(np.bincount(visible.keys[:, 0], visible.share * left, count), np.float64)
@@ -299,10 +291,10 @@ class Transmission:
         centroids: Centroids,
         reference_level: FloatArray,
     ) -> tuple[RadarPaths | None, float, NDArray[np.int64]]:
-        """Paths, None where there are none, and their error, relative to the direct returns `reference_level`
-        (surface,), or their own; with (path, 1 + depth) facet and slabs of each.
+        """Paths, their error relative to the direct returns `reference_level` (surface,) or to their own, and (path, 1
+        + depth) facet and slabs of each. Paths are None without any.
 
-        `facets` and `visible` are those of each of the `sample_times` [s]; delays are for the `knots` [s].
+        `facets` and `visible` are of each of the `sample_times` [s]; delays are for the `knots` [s].
         """
         keys, back = np.unique(np.concatenate([each.keys for each in visible]), axis=0, return_inverse=True)
         if len(keys) == 0:
