@@ -39,45 +39,61 @@ def ghost_levels(
     points: FloatArray,
     max_bounces: int,
 ) -> GhostLevels:
-    """Levels from Fresnel coefficients, spreading and antenna pattern of the strongest vertex.
+    """Levels from Fresnel coefficients, spreading and antenna pattern of the strongest of a body's `points` (vertex, 3)
+    [m].
 
-    The body is assumed isotropic. Ghosts outside a mirror's rectangle or the range window have level 0.
-
-    Parameters
-    ----------
-    radar, pattern_gain
-        The radar, and its two-way field gain towards unit vectors (..., 3).
-    mirrors
-        Mirrors of the scene.
-    points
-        (vertex, 3) vertices of the body [m].
-    max_bounces
-        2 skips mirrors on both legs.
+    The body is assumed isotropic. Ghosts outside a mirror's rectangle or the range window have level 0. `pattern_gain`
+    is the two-way field gain towards unit vectors (..., 3); `max_bounces` 2 skips mirrors on both legs.
     """
     found = GhostLevels(np.zeros((len(mirrors), 2)), np.zeros((len(mirrors), len(mirrors))))
-    mirrored = _MirroredVertices.of(radar, pattern_gain, mirrors, points)
-    if mirrored is None:
+    points = points[:: max(1, len(points) // SAMPLES)]
+    view = np.asarray(radar.position)
+
+    def field_gain(offset: FloatArray) -> FloatArray:
+        return np.sqrt(pattern_gain(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12)))
+
+    distance = np.maximum(np.linalg.norm(points - view, axis=1), 1e-6)
+    near = field_gain(points - view) / distance
+    direct = float((near**2).max(initial=0.0))
+    # One-way field by each mirror, 0 without an image, and path length: (mirror, vertex).
+    way, length, rows = np.zeros((len(mirrors), len(points))), np.zeros((len(mirrors), len(points))), []
+    for number, mirror in enumerate(mirrors):
+        height = mirror.height(points)
+        before = np.flatnonzero(height > ON_MIRROR)
+        if not len(before):
+            continue
+        # Vertices of large faces on or behind the mirror bound the visible part.
+        reaching = mirror.crossings(view, points - np.minimum(height, 0.0)[:, None] * mirror.normal)
+        crossing, place = reaching[before], reaching @ mirror.axes.T
+        if (place.max(axis=0) < mirror.low).any() or (place.min(axis=0) > mirror.high).any():
+            continue
+        own = np.linalg.norm(points[before] - mirror.image(view), axis=1)
+        way[number, before], length[number, before] = field_gain(crossing - view) / own, own
+        cos = (mirror.height(points[before]) + mirror.height(view)) / own
+        rows.append(np.stack([np.full(len(before), number), before, cos]))
+    if not rows or direct <= 0:
         return found
-    once = mirrored.way * mirrored.near * (0.5 * (mirrored.length + mirrored.distance) < radar.max_range)
-    found.single[:, 0] = 2.0 * once.max(axis=1) / mirrored.direct
+    index, vertex, cos = np.concatenate(rows, axis=1)
+    which, column = index.astype(np.int32), vertex.astype(np.intp)
+    frequencies = radar.center_frequency + 0.5 * radar.waveform.bandwidth * _BAND_POSITIONS
+    way[which, column] *= strongest_reflection([mirror.material for mirror in mirrors], which, cos, frequencies)
+    once = way * near * (0.5 * (length + distance) < radar.max_range)
+    found.single[:, 0] = 2.0 * once.max(axis=1) / direct
     if max_bounces > 2:
-        found.single[:, 1] = (mirrored.way**2 * (mirrored.length < radar.max_range)).max(axis=1) / mirrored.direct
-        for one in np.flatnonzero(mirrored.way.any(axis=1)):
+        found.single[:, 1] = (way**2 * (length < radar.max_range)).max(axis=1) / direct
+        for one in np.flatnonzero(way.any(axis=1)):
             others = slice(one + 1, None)
-            reached = 0.5 * (mirrored.length[one] + mirrored.length[others]) < radar.max_range
-            level = (mirrored.way[one] * mirrored.way[others] * reached).max(axis=1, initial=0.0)
-            found.across[one, others] = 2.0 * level / mirrored.direct
+            reached = 0.5 * (length[one] + length[others]) < radar.max_range
+            level = (way[one] * way[others] * reached).max(axis=1, initial=0.0)
+            found.across[one, others] = 2.0 * level / direct
     return found
 
 
 def second_order_levels(
-    radar: Radar,
-    pattern_gain: Callable[[FloatArray], FloatArray],
-    mirrors: Sequence[Mirror],
-    points: FloatArray,
+    radar: Radar, pattern_gain: Callable[[FloatArray], FloatArray], mirrors: Sequence[Mirror], points: FloatArray
 ) -> FloatArray:
-    """(mirror, mirror) levels by one mirror, then another, on one leg, both directions together; as
-    :func:`ghost_levels`."""
+    """(mirror, mirror) levels by one mirror, then another, on one leg, both directions together
+    (:func:`ghost_levels`)."""
     found = np.zeros((len(mirrors), len(mirrors)))
     points = points[:: max(1, len(points) // SECOND_ORDER_SAMPLES)]
     view = np.asarray(radar.position)
@@ -132,55 +148,3 @@ def _spacing(points: FloatArray) -> float:
     """Largest distance of a body's sampled `points` (vertex, 3) from their neighbours [m]."""
     near = cKDTree(points).query(points, k=min(4, len(points)))[0].reshape(len(points), -1)[:, -1]
     return float(near.max(initial=0.0))
-
-
-class _MirroredVertices(NamedTuple):
-    """Vertices as seen through mirrors."""
-
-    way: FloatArray
-    """(mirror, vertex) one-way field by way of the mirror; 0 where the vertex has no image."""
-    length: FloatArray
-    """(mirror, vertex) path length [m]."""
-    near: FloatArray
-    """(vertex,) one-way direct field."""
-    distance: FloatArray
-    """(vertex,) direct path length [m]."""
-    direct: float
-    """Largest direct return of a vertex."""
-
-    @staticmethod
-    def of(
-        radar: Radar, pattern_gain: Callable[[FloatArray], FloatArray], mirrors: Sequence[Mirror], points: FloatArray
-    ) -> _MirroredVertices | None:
-        """Sampled vertices; None without an image or a direct return."""
-        points = points[:: max(1, len(points) // SAMPLES)]
-        view = np.asarray(radar.position)
-
-        def field_gain(offset: FloatArray) -> FloatArray:
-            return np.sqrt(pattern_gain(offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12)))
-
-        distance = np.maximum(np.linalg.norm(points - view, axis=1), 1e-6)
-        near = field_gain(points - view) / distance
-        direct = float((near**2).max(initial=0.0))
-        way, lengths, rows = np.zeros((len(mirrors), len(points))), np.zeros((len(mirrors), len(points))), []
-        for number, mirror in enumerate(mirrors):
-            height = mirror.height(points)
-            before = np.flatnonzero(height > ON_MIRROR)
-            if not len(before):
-                continue
-            # Vertices of large faces on or behind the mirror bound the visible part.
-            reaching = mirror.crossings(view, points - np.minimum(height, 0.0)[:, None] * mirror.normal)
-            crossing, place = reaching[before], reaching @ mirror.axes.T
-            if (place.max(axis=0) < mirror.low).any() or (place.min(axis=0) > mirror.high).any():
-                continue
-            length = np.linalg.norm(points[before] - mirror.image(view), axis=1)
-            way[number, before], lengths[number, before] = field_gain(crossing - view) / length, length
-            cos = (mirror.height(points[before]) + mirror.height(view)) / length
-            rows.append(np.stack([np.full(len(before), number), before, cos]))
-        if not rows or direct <= 0:
-            return None
-        index, vertex, cos = np.concatenate(rows, axis=1)
-        number, column = index.astype(np.int32), vertex.astype(np.intp)
-        frequencies = radar.center_frequency + 0.5 * radar.waveform.bandwidth * _BAND_POSITIONS
-        way[number, column] *= strongest_reflection([mirror.material for mirror in mirrors], number, cos, frequencies)
-        return _MirroredVertices(way, lengths, near, distance, direct)

@@ -211,11 +211,8 @@ class GhostVisibilitySampler:
         share: FloatArray,
         level: float,
     ) -> tuple[ClippedFacets, int]:
-        """Clip facets of an `index` that are partly visible by their `mirrors` (facet, way), and directly if
-        `straight`.
-
-        Returns the visible parts and the number of rays.
-        """
+        """Visible parts of partly visible facets of an `index` by their `mirrors` (facet, way), and directly if
+        `straight`; rays."""
         corners, number = np.take(facets.corners, index, axis=0), facets.number[index]
         ends = [corners - self._images[own][:, None] for own in mirrors.T]
         if straight:

@@ -62,27 +62,12 @@ class GhostVisibility:
 class Ghosts:
     """Selects and traces the ghosts of moving surfaces.
 
-    Parameters
-    ----------
-    surfaces
-        All surfaces of the scene.
-    radar
-        The radar.
-    rtol
-        Tolerance, relative to the direct return of each actor.
-    max_bounces
-        2 or 3.
-    mirrors
-        Returns the mirrors of the static scene; called at first use.
+    `rtol` is relative to the direct return of each actor, `max_bounces` 2 or 3; `mirrors` finds the mirrors of the
+    static scene at first use.
     """
 
     def __init__(
-        self,
-        surfaces: Surfaces,
-        radar: Radar,
-        rtol: float,
-        max_bounces: int,
-        mirrors: Callable[[], tuple[Mirror, ...]],
+        self, surfaces: Surfaces, radar: Radar, rtol: float, max_bounces: int, mirrors: Callable[[], tuple[Mirror, ...]]
     ) -> None:
         self._surfaces, self._radar, self._rtol, self._max_bounces = surfaces, radar, rtol, max_bounces
         self._find = mirrors
@@ -144,9 +129,8 @@ class Ghosts:
         self._level = np.maximum(levels.max(axis=1), np.maximum(across.max(axis=0), across.max(axis=1)))
         self._selected = np.flatnonzero(single.any(axis=1) | both.any(axis=0) | both.any(axis=1))
         ways = [(one, other) for one, other in np.argwhere(after).tolist()]
-        for way in ways:
-            if way not in self._second_order_mirrors:
-                self._second_order_mirrors[way] = SecondOrderImage.of(*(self.mirrors[each] for each in way))
+        for one, other in set(ways) - set(self._second_order_mirrors):
+            self._second_order_mirrors[one, other] = SecondOrderImage.of(self.mirrors[one], self.mirrors[other])
         if ways != self._ways:
             if not set(ways) <= set(self._ways):
                 self._second_order_returns.reset()
@@ -156,12 +140,8 @@ class Ghosts:
 
     def images(self, vertices: Sequence[FloatArray]) -> list[list[tuple[FloatArray, float]]]:
         """Images of each actor in the mirrors in use, and the tolerance of their returns."""
-        found = []
-        for points in vertices:
-            found.append(
-                [(mirror.unfolded(points), image_tolerance(self._rtol, level)) for mirror, level in self._in_use]
-            )
-        return found
+        in_use = [(mirror, image_tolerance(self._rtol, level)) for mirror, level in self._in_use]
+        return [[(mirror.unfolded(points), tolerance) for mirror, tolerance in in_use] for points in vertices]
 
     def delay_points(self, vertices: Sequence[FloatArray]) -> list[FloatArray]:
         """Vertices of the actors, and some of their images', whose distances set the delay knots."""
@@ -208,19 +188,15 @@ class Ghosts:
         centroids: Centroids,
         reference_level: FloatArray,
     ) -> tuple[list[RadarPaths], float]:
-        """Ghost paths and their error, relative to the actors' direct returns `reference_level` (surface,).
-
-        `facets` and `views` belong to the `sample_times` [s], delays to the `knots` [s].
-        """
+        """Ghost paths at `knots` [s], from `facets` and `views` at `sample_times` [s], and their error relative to the
+        actors' direct returns `reference_level` (surface,)."""
         paths, error = list[RadarPaths](), 0.0
         single = _ActiveMirrors(self._returns, self._selected, self._pairs, LEG_COMBINATIONS)
         second_order = _ActiveMirrors(
             self._second_order_returns, np.arange(len(self._second_order)), self._pairs[:0], LEG_COMBINATIONS[:2]
         )
-        by_one, by_two = (
-            [each.mirrors for each in views],
-            [each.second_order for each in views if each.second_order is not None],
-        )
+        by_one = [each.mirrors for each in views]
+        by_two = [each.second_order for each in views if each.second_order is not None]
         for some, visible in ((single, by_one), (second_order, by_two)):
             if visible:
                 more, missed = some.trace(knots, sample_times, facets, visible, centroids, reference_level)
@@ -276,7 +252,7 @@ class _ActiveMirrors(NamedTuple):
         return paths, error + max(each.missed for each in visible)
 
     def _cut(self, visible: MirroredVisibility, twice: bool, place: NDArray[np.intp]) -> CutFacets:
-        """Visible pieces of partly visible facets; `place` (row, facet) numbers the visible facets of mirrors, then of
+        """Pieces of partly visible facets; `place` (row, facet) numbers the visible facets of mirrors, then of
         pairs."""
         own, across = visible.cut[1 if twice else 0], visible.cut[2]
         parts = [(own.row, own.column, own.pieces)]

@@ -47,14 +47,7 @@ class MirroredFacets(Facets):
 class ImageBand(BandTracer):
     """A :class:`~rfgen_sionna.tracing.gains.band.BandTracer` for :class:`MirroredFacets`.
 
-    Parameters
-    ----------
-    radar, rtol
-        As for `BandTracer`.
-    mirrors
-        Mirrors that `MirroredFacets.first` and `last` index.
-    tx, rx
-        Whether the leg from Tx, and that to Rx, has a mirror.
+    `MirroredFacets.first` and `last` index `mirrors`; `tx` and `rx` put a mirror on the leg from Tx and that to Rx.
     """
 
     enough = 4000

@@ -51,20 +51,8 @@ def image_tolerance(rtol: float, level: float) -> float:
 class ImageReturns:
     """Integrates mirrored facets over the band, element pairs and time.
 
-    Parameters
-    ----------
-    surfaces
-        Surfaces of the facets.
-    names
-        Object names and part names.
-    radar
-        The radar.
-    rtol
-        Tolerance, relative to the direct return of each surface.
-    mirrors
-        Time [s] to mirrors; static mirrors are the same objects at all times.
-    band
-        Constructor of the integrator.
+    `names` are those of objects and parts, `rtol` is relative to the direct return of each surface. `mirrors` returns
+    the mirrors at a time [s], the same objects if static; `band` constructs the integrator.
     """
 
     def __init__(
@@ -79,8 +67,8 @@ class ImageReturns:
         self._surfaces, self._names, self._radar, self._rtol = surfaces, names, radar, rtol
         self._materials = tuple(surface.material for surface in surfaces)
         self._viewpoint = np.asarray(radar.position)
-        self._mirrors, self._kind = mirrors, band
-        self._made = lru_cache(maxsize=64)(lambda mirrors, tolerance, way: band(radar, tolerance, mirrors, *way))
+        self._mirrors = mirrors
+        self._band = lru_cache(maxsize=64)(lambda mirrors, way, tolerance: band(radar, tolerance, mirrors, *way))
         self._expansions: dict[MirroredLegs, tuple[float, Expansion]] = {}
         self._missed: dict[MirroredLegs, float] = {}
         self._turn = 0
@@ -111,18 +99,9 @@ class ImageReturns:
         """Paths of one of the `LEG_COMBINATIONS` and their error, relative to the direct returns `reference_level`
         (surface,).
 
-        Parameters
-        ----------
-        knots, sample_times
-            Times of the resulting delays and gains, and of the given facets [s].
-        visible_facets
-            The same facets at each sample time.
-        shares
-            (sample time, facet) visible shares.
-        facet
-            (facet,) number of each facet for `centroids`.
-        cut
-            Visible pieces of some facets at each sample time, which replace their shares.
+        Delays and gains are for `knots` [s], from the same facets at each of the `sample_times` [s], with visible
+        `shares` (sample time, facet). `facet` (facet,) numbers them for `centroids`; pieces in `cut` replace shares of
+        some.
         """
         middle, first, last = len(sample_times) // 2, visible_facets[0].first, visible_facets[0].last
         mirrors = self._mirrors(float(sample_times[middle]))
@@ -163,18 +142,10 @@ class ImageReturns:
         )
         directions = [self._directions(places(float(t)), self._mirrors(float(t)), first, last, way) for t in knots]
         departing, arriving = (np.stack([each[end] for each in directions], axis=1) for end in (0, 1))
-        band = bands[middle]
+        span = bands[middle].centre, bands[middle].half_band
+        bounces = 1 + sum(way) * max((each.bounces for each in mirrors), default=1)
         paths = facet_paths(
-            self._surfaces,
-            visible_facets[0],
-            knots,
-            *curves,
-            departing,
-            band.centre,
-            band.half_band,
-            self._names,
-            arriving,
-            1 + sum(way) * max((each.bounces for each in mirrors), default=1),
+            self._surfaces, visible_facets[0], knots, *curves, departing, *span, self._names, arriving, bounces
         )
         return paths, error
 
@@ -187,8 +158,8 @@ class ImageReturns:
         visible_facets: MirroredFacets,
         expansion: Expansion,
     ) -> None:
-        """Write gains of facet pieces to `gains` (order, tx, rx, facet), and their centroids' offsets to `aside`
-        (facet, 3) [m]."""
+        """Write gains of pieces to `gains` (order, tx, rx, facet) and their centroids' offsets to `aside` (facet, 3)
+        [m]."""
         owner, pieces = cut
         if not len(owner):
             return
@@ -227,10 +198,6 @@ class ImageReturns:
         a = self.estimate(way, t, visible_facets, np.zeros(1))
         total = np.abs(sum_by_surface(a, group.astype(np.int32), count)[0])
         return total, np.sqrt(np.bincount(group, np.abs(a[0]) ** 2, count))
-
-    def _band(self, mirrors: tuple[Mirror, ...], way: MirroredLegs, tolerance: float) -> ImageBand:
-        band: ImageBand = self._made(_MirrorTuple(mirrors), tolerance, way)
-        return band
 
     def _error(
         self,
@@ -311,20 +278,3 @@ def _fill_unseen(aside: FloatArray, visible: NDArray[np.bool_]) -> FloatArray:
         for nearest in sorted(order, key=lambda other: -abs(other - k)):  # the nearest last
             found[k] = np.where(visible[nearest][:, None], aside[nearest], found[k])
     return found
-
-
-class _MirrorTuple(tuple[Mirror, ...]):
-    """Mirrors that are told apart by which objects they are, as arrays cannot be hashed."""
-
-    def __hash__(self) -> int:
-        return hash(tuple(map(id, self)))
-
-    def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, tuple)
-            and len(self) == len(other)
-            and all(a is b for a, b in zip(self, other, strict=True))
-        )
-
-    def __ne__(self, other: object) -> bool:
-        return not self == other

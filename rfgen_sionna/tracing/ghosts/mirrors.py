@@ -23,9 +23,9 @@ MIN_FRESNEL_RADII = 2.0
 """Least width of a mirror, in radii of the first Fresnel zone: narrower ones diffract."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mirror:
-    """Flat, connected part of one static object."""
+    """Flat, connected part of one static object; compared and hashed by identity."""
 
     name: str
     """Name of the object."""
@@ -70,7 +70,7 @@ class Mirror:
         return np.asarray(((place > self.low - margin) & (place < self.high + margin)).all(axis=1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SecondOrderImage(Mirror):
     """Mirror that the radar sees by way of another one, `before`."""
 
@@ -125,18 +125,8 @@ def find_mirrors(
 ) -> tuple[Mirror, ...]:
     """Flat parts that the radar sees and that are wide against the Fresnel zone.
 
-    Parameters
-    ----------
-    surfaces, vertices
-        Static objects and their (vertex, 3) positions [m].
-    visible
-        Numbers of visible faces among all faces of the ray scene.
-    viewpoint
-        (3,) phase centre of the radar [m].
-    wavelength
-        [m].
-    max_range
-        End of the radar's range window [m].
+    `vertices` are (vertex, 3) [m] of each static surface, `visible` the numbers of visible faces among all faces of the
+    ray scene, `viewpoint` (3,), `wavelength` and the end `max_range` of the range window in [m].
     """
     least = fresnel_width(vertices, viewpoint, wavelength, max_range)
     found = []
@@ -162,8 +152,8 @@ def fresnel_width(vertices: Sequence[FloatArray], viewpoint: FloatArray, wavelen
 def coplanar_groups(
     points: FloatArray, surface: Surface, crease: float = np.pi
 ) -> tuple[NDArray[np.int32], FloatArray]:
-    """Connected flat parts: (face,) part of each face, and (part,) border length [m] with a dihedral angle below
-    `crease` [rad]."""
+    """(face,) connected flat part of each face, and (part,) border length [m] with a dihedral angle below `crease`
+    [rad]."""
     faces, count = surface.faces, len(surface.faces)
     cross = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
     normal = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
@@ -211,13 +201,5 @@ def _mirror(
     if abs(height) < FLATNESS:
         return None
     side = 1.0 if height > 0 else -1.0
-    return Mirror(
-        surface.name,
-        surface.material,
-        faces.astype(np.int64) + surface.first_facet,
-        side * normal,
-        side * offset,
-        axes,
-        low,
-        high,
-    )
+    numbers = faces.astype(np.int64) + surface.first_facet
+    return Mirror(surface.name, surface.material, numbers, side * normal, side * offset, axes, low, high)

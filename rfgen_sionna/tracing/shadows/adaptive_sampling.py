@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.scene.mesh import bounds, lengths
-from rfgen_sionna.tracing.shadows.lattice_sampling import LatticeSampler, OccluderTest, search_lattices
+from rfgen_sionna.tracing.shadows.lattice_sampling import LatticeSampler, OccluderTest
 from rfgen_sionna.tracing.shadows.lattices import SPACINGS, inset_points, points_of
 from rfgen_sionna.tracing.shadows.return_bounds import corners_of, max_boundary_returns, max_returns
 from rfgen_sionna.tracing.shadows.visible_polygons import EDGE_INSET, VisibilitySampler, find_visible_polygons
@@ -67,8 +67,7 @@ class SampledVisibility(NamedTuple):
 
 
 def shared_vertices(corners: FloatArray, surface: NDArray[np.integer[Any]] | None = None) -> IntArray:
-    """(facet, 3) numbers of coinciding `corners` (facet, 3, 3) [m]; facets of different `surface` (facet,) share
-    none."""
+    """(facet, 3) numbers of coinciding `corners` (facet, 3, 3) [m]; each `surface` (facet,) has its own numbers."""
     if surface is not None:
         places, first = np.zeros((len(corners), 3), np.int32), 0
         for each in np.unique(surface):
@@ -117,49 +116,37 @@ def sample_visibility(
 
     Parameters
     ----------
-    rays
-        The geometry.
-    viewpoint
-        (3,) [m].
-    corners
-        (facet, 3, 3) [m].
-    facet
-        (facet,) face of the ray scene that contains each facet; it does not occlude itself.
+    rays, viewpoint
+        The geometry, and (3,) [m].
+    corners, facet
+        (facet, 3, 3) [m], and (facet,) face of the ray scene that contains each facet; it does not occlude itself.
     visible
         (facet, 3) visible corners, by :class:`CornerVisibility`.
-    wavenumber
-        At the highest frequency [rad/m].
-    rtol
-        Allowed relative error of the sum of all returns.
+    wavenumber, rtol
+        At the highest frequency [rad/m], and allowed relative error of the sum of all returns.
     silhouette
         (facet,) silhouette length whose shadow falls on each [rad] (:mod:`rfgen_sionna.tracing.shadows.silhouettes`);
         None uses the corners alone.
     weight
         (facet,) field gain of the antennas; None is 1.
-    group
-        (facet,) group of each facet; errors are relative to the return of a group. None makes one group.
+    group, level
+        (facet,) groups, None makes one; and (group,) the least incoherent sum of returns that `rtol` refers to.
     before
-        (facet, 3) visible corners without the actors: facets in no actor's shadow count as fully visible. None ignores
-        it.
-    level
-        Least incoherent sum of returns, in units of :attr:`SampledVisibility.returned`; (group,) or one for all.
+        (facet, 3) visible corners without the actors: other facets count as fully visible. None ignores it.
     moving
         Whether only moving objects occlude; shares are then relative to the static visibility.
     search
-        Whether facets without a known boundary are searched for one, and known boundaries sampled with the static
-        budget. Shadows narrower than a quarter of a facet are neither found nor in `missed`.
+        Whether facets without a known boundary are searched for one, with the static budget; shadows narrower than a
+        quarter of a facet are neither found nor in `missed`.
     times
         Number of sample times in this call; scales the budget of points.
     ray_spacing
         Angle between silhouette rays [rad]; adds boundaries that fall between two rays to `missed`.
-    places
-        (facet, 3) numbers of :func:`shared_vertices`, for boundaries between two facets; None skips these.
-    occluded
-        (facet, 3) numbers of further, occluded facets.
-    reach
-        Largest distance of an element from the viewpoint [m].
-    occluder_distance
-        Least distance of an occluder [m]: adds the boundary's return for other elements. Infinity adds none.
+    places, occluded
+        (facet, 3) numbers of :func:`shared_vertices`, for boundaries between two facets, None skips these; and the
+        numbers of further, occluded facets.
+    reach, occluder_distance
+        Largest distance of an element and least one of an occluder [m]: adds the boundary's return for other elements.
     shadowing
         (facet,) part of `silhouette` that casts a shadow on the facet, for shadows narrower than a cell; None uses all.
     """
@@ -184,39 +171,33 @@ def sample_visibility(
     passed = silhouette > 0
     edged, hidden, sent = mixed | passed, np.zeros(count), 0
     least = np.full(count, -1, np.intp)
+    sampler = LatticeSampler(rays, viewpoint, corners, facet, moving, width, fraction)
+    patch, most_points = CURVED_EDGE_ERROR, times * _MAX_POINTS
     if search:
-        level_there = float(np.linalg.norm(most * fraction))
-        least, hidden, sent = search_lattices(
-            rays, viewpoint, corners, facet, moving, fraction > 0, np.where(edged, 0.0, cut),
-            _SEARCH_SHARE * MISSED_PER_RTOL * rtol * level_there,
-        )  # fmt: skip
+        allowed = _SEARCH_SHARE * MISSED_PER_RTOL * rtol * float(np.linalg.norm(most * fraction))
+        least, hidden, sent = sampler.search(np.where(edged, 0.0, cut), allowed)
         edged |= least >= 0
-    patch, most_points = (
-        (_STATIC_EDGE_ERROR, _STATIC_MAX_POINTS) if search else (CURVED_EDGE_ERROR, times * _MAX_POINTS)
-    )
+        patch, most_points = _STATIC_EDGE_ERROR, _STATIC_MAX_POINTS
     bent = patch * cut
     some = np.flatnonzero(passed)
     size = lengths(corners[some] - corners[some][:, [1, 2, 0]]).max(axis=1, initial=0.0)
     size /= np.maximum(lengths(offset[some]).min(axis=1, initial=np.inf), 1e-9)
     wide = np.zeros(count)
     wide[some] = size
-    lines = np.clip(
-        0.5 * silhouette[some] / np.maximum(size, 1e-300), 1.0, _MAX_EDGES
-    )  # one line counts there and back
-    bent[some] *= lines**2
+    # A silhouette counts on both sides of a body.
+    bent[some] *= np.clip(0.5 * silhouette[some] / np.maximum(size, 1e-300), 1.0, _MAX_EDGES) ** 2
     share = np.sqrt(1.0 - _SEARCH_SHARE**2) if search else 1.0
     groups = np.zeros(1, np.intp) if group is None else np.flatnonzero(np.bincount(group[edged]))
     members = [np.arange(count) if group is None else np.flatnonzero(group == each) for each in groups]
     floors = np.full(len(groups), level) if np.ndim(level) == 0 else np.asarray(level)[groups]
     total, wanted = np.full(len(groups), np.inf), np.zeros(count)
-    sampler = LatticeSampler(rays, viewpoint, corners, facet, moving, width, fraction)
     for _ in range(_MAX_ROUNDS):
-        told, total = total, np.maximum([np.linalg.norm(most[mine] * fraction[mine]) for mine in members], floors)
+        previous, total = total, np.maximum([np.linalg.norm(most[mine] * fraction[mine]) for mine in members], floors)
         # Light through gaps is overestimated by corners: refine.
-        again = (total < 0.5 * told) & ((total > 0) | np.isinf(told))
+        again = (total < 0.5 * previous) & ((total > 0) | np.isinf(previous))
         if not again.any():
             break
-        for mine, all_of_them in zip(members, np.where(again, total, told).tolist(), strict=True):
+        for mine, all_of_them in zip(members, np.where(again, total, previous).tolist(), strict=True):
             some = mine[edged[mine]]
             wanted[some] = np.sqrt(bent[some] / error_budget(bent[some], share * MISSED_PER_RTOL * rtol * all_of_them))
         # A coarser lattice would lose an edge that the search found.
@@ -248,11 +229,8 @@ def sample_visibility(
 
 
 class CornerVisibility:
-    """Guiding rays: one to each shared corner and side of the surface.
-
-    `corners` (facet, 3, 3) [m] and `facet` (facet,) are those of :func:`sample_visibility`, `places` (facet, 3) those
-    of :func:`shared_vertices`.
-    """
+    """Guiding rays, one to each shared corner and side of the surface; the arguments are those of
+    :func:`sample_visibility`."""
 
     def __init__(
         self, viewpoint: FloatArray, corners: FloatArray, facet: IntArray | NDArray[np.int64], places: IntArray
@@ -267,8 +245,8 @@ class CornerVisibility:
     def visible(
         self, rays: OccluderTest, some: NDArray[np.intp] | None = None, moving: bool = False
     ) -> tuple[NDArray[np.bool_], int]:
-        """(facet, 3) visible corners of `some` facets (None: all), and the rays sent; `moving` tests moving occluders
-        alone."""
+        """(facet, 3) visible corners of `some` facets, None for all, and the rays sent; `moving` ignores static
+        occluders."""
         side = self._side if some is None else self._side[some]
         light = np.zeros(len(self._one), np.bool_)
         light[side.ravel()] = True
@@ -347,19 +325,10 @@ def clip_by_silhouettes(
 ) -> ClippedFacets:
     """Sample facets on lattices with the error budget of :func:`sample_visibility`.
 
-    Parameters
-    ----------
-    sampler
-        Facet numbers to their visibility test.
-    cut, width
-        (facet,) bound of a cut facet and phase range [rad]
-        (:func:`rfgen_sionna.tracing.shadows.return_bounds.max_returns`).
-    share
-        (facet,) visible share by guiding rays.
-    level
-        Incoherent sum of all returns, in units of `cut`.
-    rtol
-        Allowed relative error of the sum of all returns.
+    `sampler` makes the visibility test of an index of facets. `cut` and `width` (facet,) are the bounds of cut facets
+    and the phase ranges [rad] of :func:`rfgen_sionna.tracing.shadows.return_bounds.max_returns`, `share` (facet,) the
+    visible shares by guiding rays. `level` is the incoherent sum of all returns in units of `cut`, `rtol` its allowed
+    error.
     """
     bent, share = CURVED_EDGE_ERROR * cut, share.copy()
     wanted = np.sqrt(bent / error_budget(bent, MISSED_PER_RTOL * rtol * level))

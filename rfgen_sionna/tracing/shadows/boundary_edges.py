@@ -83,10 +83,13 @@ class ShadowEdges:
         viewpoint: FloatArray,
         wavenumber: float,
     ) -> ShadowEdges:
-        """Those of `pieces` (piece, 3, 3) of the facets `owner` (piece,), with their `occluder` (piece, 4), as
-        :class:`rfgen_sionna.tracing.shadows.adaptive_sampling.Sampled` has them, or (piece, 16), as
-        :class:`rfgen_sionna.tracing.moving.slab_transmission.SlabEdges` does; in so many parts that the phase, of that
-        `wavenumber` [rad/m], is straight along each, on facets that are taken for flat."""
+        """Straight pieces of the boundaries of visible `pieces` (piece, 3, 3) of the facets `owner` (piece,), taken as
+        flat.
+
+        `occluder` (piece, 4) is :attr:`SampledVisibility.occluder`, or (piece, 16) that of
+        :class:`rfgen_sionna.tracing.moving.slab_transmission.SlabEdges`. The phase at `wavenumber` [rad/m] is linear on
+        each.
+        """
         edged = np.flatnonzero(occluder[:, 0] < 1.0)  # not NaN
         through = np.ascontiguousarray(occluder[edged, 4:]).view(np.complex128)
         through = through.reshape(len(edged), through.shape[1] // 3, 3)
@@ -136,21 +139,10 @@ class ShadowEdges:
         level: FloatArray,
         rtol: float,
     ) -> tuple[ShadowEdges, FloatArray]:
-        """Edges with a significant return, weighted, and the error (group,) of each group relative to its `level`
-        (group,).
+        """Edges with a significant return, weighted, and each group's error (group,) relative to its `level` (group,).
 
-        Parameters
-        ----------
-        return_bounds, unknown, known
-            (edge,) from :meth:`return_bounds`.
-        curved
-            (edge,) whether the facet is curved.
-        group
-            (edge,) group of each edge.
-        level
-            (group,) reference level.
-        rtol
-            Allowed relative error.
+        `return_bounds`, `unknown` and `known` (edge,) are of :meth:`return_bounds`, `curved` (edge,) marks
+        curved facets.
         """
 
         def energy(strength: FloatArray) -> FloatArray:
@@ -190,31 +182,23 @@ class ShadowEdges:
 
     def shifts(self, elements: FloatArray) -> FloatArray:
         """(element, edge) inward shift of the boundary for `elements` (element, 3) [m] from the viewpoint [m]."""
-        return _shifts(elements, self.middle, self.inward, self.normal, self.occluder)
+        height, own = np.einsum("ei,ei->e", self.normal, self.middle), elements @ self.normal.T
+        below = self.occluder * height - own
+        on = (height - own) * self.occluder / np.where(np.abs(below) > 1e-12, below, 1e-12)
+        on = np.clip(on, 1.0 / MAX_SLANT, MAX_SLANT) / np.maximum(self.occluder, 1e-6)
+        # From the element through the occluder, `on` times as far.
+        here, there = elements @ self.inward.T, np.einsum("ei,ei->e", self.inward, self.middle)
+        return np.asarray(here + on * (self.occluder * there - here) - there)
 
     def return_bounds(
         self, tx: FloatArray, rx: FloatArray, wavenumber: float, edge_curvature: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Bounds on the correction of any element pair, in units of :attr:`SampledVisibility.returned`: twice the solid
-        angle.
+        """Bounds on the correction of any pair of elements `tx` and `rx` (element, 3) [m] from the viewpoint.
 
-        Along the edge the phase turns, which limits coherent addition. On a grazing surface of curvature b the phase
-        gradient changes across the boundary by b times its projected width, so that only its two sides contribute.
-        Short neighbouring pieces add coherently up to a phase of 1 rad or half the first Fresnel zone.
-
-        Parameters
-        ----------
-        tx, rx
-            (element, 3) [m] from the viewpoint.
-        wavenumber
-            [rad/m].
-        edge_curvature
-            (edge,) largest curvature of the facet [1/m].
-
-        Returns
-        -------
-        bound, unknown, known
-            (edge,) bound; bound where the surface beside the edge is unknown; known share of the width, 0 … 1.
+        Returns (edge,) the bound, the bound where the surface beside the edge is unknown, and the known share, 0 … 1;
+        the unit is that of :attr:`SampledVisibility.returned`, twice the solid angle. The phase along the edge limits
+        coherent addition, up to 1 rad or half the first Fresnel zone. On a grazing surface of `edge_curvature` (edge,)
+        [1/m] the phase gradient changes across the boundary, so that only its two sides contribute.
         """
         distance = np.maximum(lengths(self.middle), 1e-9)
         towards = self.middle / distance[:, None]
@@ -234,19 +218,6 @@ class ShadowEdges:
         in_phase = np.minimum(2.0 / np.maximum(turn, 1e-9), zone)
         more = np.sqrt(np.maximum(in_phase / np.maximum(self.length, 1e-12), 1.0))
         return return_bounds, return_bounds * more / np.maximum(wavenumber * aslant * width, 1.0), known
-
-
-def _shifts(
-    elements: FloatArray, middle: FloatArray, inward: FloatArray, normal: FloatArray, occluder: FloatArray
-) -> FloatArray:
-    """:meth:`ShadowEdges.shifts` of edges at `middle`."""
-    height, own = np.einsum("ei,ei->e", normal, middle), elements @ normal.T
-    below = occluder * height - own
-    on = (height - own) * occluder / np.where(np.abs(below) > 1e-12, below, 1e-12)
-    on = np.clip(on, 1.0 / MAX_SLANT, MAX_SLANT) / np.maximum(occluder, 1e-6)
-    # From the element by way of what casts the shadow, `on` times as far as that.
-    here, there = elements @ inward.T, np.einsum("ei,ei->e", inward, middle)
-    return np.asarray(here + on * (occluder * there - here) - there)
 
 
 class BoundaryCorrection(NamedTuple):

@@ -30,7 +30,6 @@ _MOST_PARTS = 64.0
 """Most parts along an edge; bounds the time of a lane."""
 _MOST_SKEW = 3.0
 """Largest skew of a boundary's ends, metres along per metre across: beyond it the edge points at the viewpoint."""
-_COLUMNS = ("middle", "inward", "normal", "across", "along", "edge_curvature", "arch", "twist", "reference")
 
 
 def boundary_gains(
@@ -42,37 +41,19 @@ def boundary_gains(
     gains: ComplexArray,
     reference: FloatArray,
 ) -> ComplexArray:
-    """(order, tx, rx, edge) corrections: gains of each pair minus those of the viewpoint, as polynomials over the band.
+    """(order, tx, rx, edge) corrections: gains of each pair minus those of the viewpoint, as polynomials over the band
+    [Hz].
 
-    Parameters
-    ----------
-    edges
-        Shadow edges as seen from the viewpoint.
-    tx, rx
-        (element, 3) [m] from the viewpoint.
-    centre, half_band
-        Band [Hz].
-    gains
-        (order, tx, rx, edge) gains of the edges' small pieces.
-    reference
-        (edge, 3) reference points of the delays [m] from the viewpoint.
+    `tx` and `rx` (element, 3) and the delays' reference points `reference` (edge, 3) are from the viewpoint [m],
+    `gains` (order, tx, rx, edge) those of the edges' small pieces.
     """
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32
     count = int(np.prod(gains.shape[1:]))
     if not count:
         return gains.copy()
-    columns = {
-        "middle": edges.middle,
-        "inward": edges.inward,
-        "normal": edges.normal,
-        "across": edges.tangents[:, 0],
-        "along": edges.tangents[:, 1],
-        "edge_curvature": edges.edge_curvature[:, 0],
-        "arch": edges.edge_curvature[:, 1],
-        "twist": edges.edge_curvature[:, 2],
-        "reference": reference,
-    }
+    surface = np.concatenate([edges.tangents, edges.edge_curvature], axis=1).transpose(1, 0, 2)
+    vectors = edges.middle, edges.inward, edges.normal, *surface, reference
     scalars = edges.length, edges.occluder, edges.band, edges.next_occluder, -edges.weight / edges.area
     through = bool(edges.through.any())
     found = dr.empty(Float, 2 * gains.size)
@@ -85,7 +66,7 @@ def boundary_gains(
         "elements": upload(Float, np.concatenate([tx, rx])),
         "band": upload(Float, np.array([centre, half_band])),
         "points": upload(Float, _POINTS),
-        "vectors": upload(Float, np.concatenate([columns[name].T for name in _COLUMNS])),
+        "vectors": upload(Float, np.concatenate([each.T for each in vectors])),
         "scalars": upload(Float, np.stack(scalars)),
         "gains": upload(Float, gains.view(np.float64)),
         "found": found,
@@ -115,12 +96,11 @@ def _integrate_boundaries(given: dict[str, Any], orders: int, through: bool) -> 
     def element(index: Any) -> Any:
         return Array3(*(dr.gather(Float, given["elements"], 3 * index + axis) for axis in range(3)))
 
-    def vector(name: str) -> Any:
-        first = 3 * _COLUMNS.index(name)
-        return Array3(*(dr.gather(Float, given["vectors"], (first + axis) * edges + edge) for axis in range(3)))
+    def vector(number: int) -> Any:
+        return Array3(*(dr.gather(Float, given["vectors"], (3 * number + axis) * edges + edge) for axis in range(3)))
 
     ends = element(pair // receivers), element(given["transmitters"] + pair % receivers)
-    middle, inward, normal, across, along, edge_curvature, arch, twist, reference = (vector(name) for name in _COLUMNS)
+    middle, inward, normal, across, along, edge_curvature, arch, twist, reference = (vector(k) for k in range(9))
     length, occluder, band, next_occluder, share = (
         dr.gather(Float, given["scalars"], k * edges + edge) for k in range(5)
     )

@@ -45,8 +45,8 @@ class OccluderTest(Protocol):
 class LatticeSampler:
     """Samples facets on lattices; the latest sample of a facet counts.
 
-    The arguments are those of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.sample_visibility`, with the phase
-    range `width` (facet,) [rad] and the visible `fraction` (facet,), which is updated.
+    The arguments are those of `sample_visibility`, with the phase range `width` (facet,) [rad] and the visible
+    `fraction` (facet,), which is updated.
     """
 
     def __init__(
@@ -75,15 +75,36 @@ class LatticeSampler:
         for some in np.split(chosen, np.flatnonzero(np.diff(batch)) + 1):
             many = bool(points_of(level[some]).sum() > _BUNDLED * len(some))
             targets = self._rays.targets(self._viewpoint, self._corners[some], self._facet[some], self._moving, many)
-            unoccluded = find_visible_polygons(targets, level[some], self._width[some])
-            self._found.append((turn, some, unoccluded))
-            self._fraction[some] = unoccluded.fraction
+            polygons = find_visible_polygons(targets, level[some], self._width[some])
+            self._found.append((turn, some, polygons))
+            self._fraction[some] = polygons.fraction
+
+    def search(self, cut: FloatArray, allowed: float) -> tuple[NDArray[np.intp], FloatArray, int]:
+        """(facet,) lattice level where an undetected boundary was found, else -1; (facet,) error of skipped facets;
+        rays sent.
+
+        Facets are searched by decreasing bound `cut` (facet,) until the rest adds up to `allowed`.
+        """
+        order = np.argsort(cut, kind="stable")
+        few = int(np.searchsorted(np.cumsum(_HIDDEN * cut[order] ** 2), allowed**2))
+        missed, found = np.zeros(len(cut)), np.full(len(cut), -1, np.intp)
+        missed[order[:few]] = np.sqrt(_HIDDEN) * cut[order[:few]]
+        chosen = np.sort(order[few:])
+        chosen = chosen[cut[chosen] > 0]
+        points = points_of(np.full(len(chosen), _SEARCHED))
+        for own in np.split(chosen, np.flatnonzero(np.diff(np.cumsum(points) // _BATCH)) + 1):
+            targets = self._rays.targets(
+                self._viewpoint, self._corners[own], self._facet[own], self._moving, bundled=True
+            )
+            crossed = crossed_by_edges(targets, np.full(len(own), _SEARCHED), self._fraction[own] > 0)
+            found[own[crossed]] = _SEARCHED
+        return found, missed, int(points.sum())
 
     def sample_sides(self, whole: NDArray[np.intp], places: IntArray, others: IntArray | None) -> int:
-        """Find shadow boundaries along the sides that fully visible facets (`whole`) share with occluded ones.
+        """Find boundaries along the sides that fully visible facets (`whole`) share with occluded ones; returns the
+        rays sent.
 
-        `places` (facet, 3) are numbers of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.shared_vertices`,
-        `others` (facet, 3) those of further occluded facets. Returns the number of rays.
+        `places` (facet, 3) are the numbers of `shared_vertices`, `others` (facet, 3) those of further occluded facets.
         """
         occluded = places[self._fraction == 0]
         occluded = occluded if others is None else np.concatenate([occluded, others])
@@ -99,42 +120,31 @@ class LatticeSampler:
         _, occluder = targets.edges(np.arange(len(some)), inset_points(side), beyond, 0)
         hidden = np.flatnonzero(occluder < 1.0)
         ends, found = np.tile(occluder[hidden, None], 2), some[hidden]
-        turn = len(self._found)
-        self._turn[found] = turn
-        self._found.append(
-            (turn, found, VisiblePolygons(np.ones(len(found)), np.arange(len(found)), triangle[hidden], ends, 0))
-        )
+        self._turn[found] = turn = len(self._found)
+        polygons = VisiblePolygons(np.ones(len(found)), np.arange(len(found)), triangle[hidden], ends, 0)
+        self._found.append((turn, found, polygons))
         return len(some)
 
     def collect(self, reach: float, least: float) -> tuple[NDArray[np.intp], FloatArray, FloatArray, int]:
-        """All pieces: (piece,) facet, ascending, (piece, corner, 3) corners, (piece, 4) occluders; and the number of
-        rays.
+        """(piece,) facet, ascending, (piece, corner, 3) corners, (piece, 4) occluders, and the number of rays.
 
-        Where elements within `reach` [m] see a boundary shifted by more than `least` [m], the far end of its visible
-        band is searched.
+        Where elements within `reach` [m] see a boundary shifted by more than `least` [m], its visible band is searched.
         """
-        owner = np.concatenate([some[unoccluded.owner] for _, some, unoccluded in self._found])
-        pieces, occluder = (
-            np.concatenate([getattr(unoccluded, each) for _, _, unoccluded in self._found])
-            for each in ("pieces", "occluder")
-        )
-        turn = np.concatenate([np.full(len(unoccluded.owner), turn) for turn, _, unoccluded in self._found])
+        owner = np.concatenate([some[polygons.owner] for _, some, polygons in self._found])
+        pieces = np.concatenate([polygons.pieces for _, _, polygons in self._found])
+        occluder = np.concatenate([polygons.occluder for _, _, polygons in self._found])
+        turn = np.concatenate([np.full(len(polygons.owner), turn) for turn, _, polygons in self._found])
         latest = np.flatnonzero(turn == self._turn[owner])
         order = latest[np.argsort(owner[latest], kind="stable")]
         owner, pieces, occluder = owner[order], pieces[order], occluder[order]
         beyond, sent = self._bands(owner, pieces, occluder, reach, least)
-        return (
-            owner,
-            pieces,
-            np.column_stack([occluder, beyond]),
-            sent + sum(unoccluded.rays for _, _, unoccluded in self._found),
-        )
+        sent += sum(polygons.rays for _, _, polygons in self._found)
+        return owner, pieces, np.column_stack([occluder, beyond]), sent
 
     def _bands(
         self, owner: NDArray[np.intp], pieces: FloatArray, occluder: FloatArray, reach: float, least: float
     ) -> tuple[FloatArray, int]:
-        """(piece, 2) width [m] of the visible band beside each boundary, and its far occluder's ratio; and the rays
-        sent."""
+        """(piece, 2) width [m] of the visible band beside each boundary and its far occluder's ratio; the rays sent."""
         found = np.tile([np.inf, np.nan], (len(owner), 1))
         off = occluder.mean(axis=1)
         some = np.flatnonzero(reach * (1.0 - off) > least * off)  # not NaN
@@ -158,35 +168,6 @@ class LatticeSampler:
         share = ((crossing - edge) * way).sum(axis=1)[hidden] / np.maximum((way**2).sum(axis=1)[hidden], 1e-300)
         found[some[hidden]] = np.column_stack([share * width[hidden], beyond[hidden]])
         return found, (1 + _BAND_HALVINGS) * len(some)
-
-
-def search_lattices(
-    rays: OccluderTest,
-    viewpoint: FloatArray,
-    corners: FloatArray,
-    facet: IntArray | NDArray[np.int64],
-    moving: bool,
-    taken: NDArray[np.bool_],
-    cut: FloatArray,
-    allowed: float,
-) -> tuple[NDArray[np.intp], FloatArray, int]:
-    """Search facets without a known boundary for one.
-
-    The facets with the largest returns `cut` (facet,) are sampled until the rest adds up to `allowed`. Returns (facet,)
-    the lattice level of those that differ from `taken` (facet,), -1 elsewhere; (facet,) the error of skipped facets;
-    the rays.
-    """
-    order = np.argsort(cut, kind="stable")
-    few = int(np.searchsorted(np.cumsum(_HIDDEN * cut[order] ** 2), allowed**2))
-    missed, found = np.zeros(len(cut)), np.full(len(cut), -1, np.intp)
-    missed[order[:few]] = np.sqrt(_HIDDEN) * cut[order[:few]]
-    chosen = np.sort(order[few:])
-    chosen = chosen[cut[chosen] > 0]
-    points = points_of(np.full(len(chosen), _SEARCHED))
-    for own in np.split(chosen, np.flatnonzero(np.diff(np.cumsum(points) // _BATCH)) + 1):
-        targets = rays.targets(viewpoint, corners[own], facet[own], moving, bundled=True)
-        found[own[crossed_by_edges(targets, np.full(len(own), _SEARCHED), taken[own])]] = _SEARCHED
-    return found, missed, int(points.sum())
 
 
 def _sides(places: IntArray) -> NDArray[np.int64]:

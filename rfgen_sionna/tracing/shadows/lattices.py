@@ -113,10 +113,9 @@ miss half as much as at a smooth curve."""
 
 
 def extend_to_side(points: FloatArray, others: FloatArray, corner: NDArray[np.intp]) -> FloatArray:
-    """Extend lines to the facet's border.
+    """Extend lines from `others` (point, 3) through `points` (point, 3) just inside the facet to its border.
 
-    `points` (point, 3) lie just inside the facet on lines from `others` (point, 3). Each moves to the side opposite its
-    `corner` (point,); it stays where the corner is -1 or the line runs along the side.
+    The border is the side opposite a `corner` (point,); -1, or a line along the side, leaves the point.
     """
     row = np.arange(len(points))
     here, there = points[row, corner], others[row, corner]
@@ -127,11 +126,8 @@ def extend_to_side(points: FloatArray, others: FloatArray, corner: NDArray[np.in
 def cut_cells(
     group: LatticeGroup, crossings: FloatArray, occluder: FloatArray
 ) -> tuple[list[tuple[NDArray[np.intp], FloatArray, FloatArray]], tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Visible triangles of cells that a shadow boundary cuts: (facet row, triangle, occluder) for each kind of
-    triangle.
-
-    The second result is the row and cell of fully visible cells that a shadow's corner enters from a neighbour.
-    """
+    """Visible triangles of cells that a shadow boundary cuts, as (facet row, triangle, occluder); and the row and cell
+    of fully visible cells that a shadow's corner enters."""
     lattice = group.lattice
     number = np.full((len(group.facets), len(lattice.edges)), -1)
     number[group.row, group.edge] = np.arange(len(group.row))
@@ -240,10 +236,8 @@ def _entry_point(
 def _corner_point(
     one: FloatArray, other: FloatArray, before: FloatArray, after: FloatArray, cell: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.bool_]]:
-    """(cut, 3) corner of the shadow: intersection of the lines `before`-`one` and `after`-`other`, (cut, 3) each.
-
-    Returns the point, and (cut,) whether it lies within the `cell` or beyond the cell's third side.
-    """
+    """(cut, 3) intersection of the lines `before`-`one` and `after`-`other`, (cut, 3) each; and (cut,) whether it lies
+    within the `cell` or beyond the cell's third side."""
     (p, q, back, on), (a, b, c) = ([each[:, :2] for each in some] for some in ((one, other, before, after), cell))
     buffer, out = p - back, q - on
 

@@ -54,10 +54,8 @@ class MirrorView:
     def is_visible(
         self, rays: RayScene, viewpoint: FloatArray, targets: FloatArray, facet: IntArray
     ) -> tuple[NDArray[np.bool_], int]:
-        """Visibility through the mirror of one point on each facet.
-
-        `targets` (facet, 3) [m] lie on the ray scene's faces `facet` (facet,). Returns (facet,) and the number of rays.
-        """
+        """(facet,) visibility through the mirror of a point `targets` (facet, 3) [m] on each face `facet`; number of
+        rays."""
         here = self.normal @ viewpoint - self.offset
         there = np.einsum("ri,ri->r", targets, self.normal) - self.offset
         found = there > _LEAST_HEIGHT
@@ -125,8 +123,7 @@ class MirroredShares:
     points: NDArray[np.uint16]
     """(facet,) bit mask of the visible points of `FINE_LATTICE`; all or none where guiding rays agree."""
     mixed: NDArray[np.bool_]
-    """(facet,) whether guiding rays disagree among each other or with neighbours, or the facet is partly visible
-    directly."""
+    """(facet,) whether guiding rays disagree, also with neighbours, or the facet is partly visible directly."""
     rays: int
 
 
@@ -180,20 +177,9 @@ def visible_to_both(one: NDArray[np.uint16], other: NDArray[np.uint16]) -> Float
 
 
 class MirrorVisibilitySampler:
-    """A :class:`rfgen_sionna.tracing.shadows.visible_polygons.VisibilitySampler` for facets seen through mirrors.
+    """A :class:`rfgen_sionna.tracing.shadows.visible_polygons.VisibilitySampler` for facets seen through all `views`.
 
-    Parameters
-    ----------
-    rays
-        The geometry.
-    viewpoint
-        (3,) [m].
-    corners, facet
-        (facet, 3, 3) [m], and (facet,) the ray scene's face of each facet.
-    views
-        Mirrors through which a point must be visible, all of them.
-    straight
-        Whether it must be visible directly as well.
+    `corners` are (facet, 3, 3) [m] on the ray scene's faces `facet` (facet,); `straight` adds direct visibility.
     """
 
     def __init__(

@@ -27,24 +27,11 @@ def corners_of(given: dict[str, Any], name: str = "corners") -> list[Any]:
 def max_returns(
     corners: FloatArray, wavenumber: float, other: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Upper bounds on facet returns, up to a common factor.
+    """(facet,) bounds on whole facets and on cut ones, up to a common factor, and the two-way phase range [rad].
 
-    The bound is the solid angle of the facet. A whole facet's integral falls with the square of its phase range, an
-    integral along a straight edge with the phase range itself.
-
-    Parameters
-    ----------
-    corners
-        (facet, 3, 3) [m] from the radar.
-    wavenumber
-        At the highest frequency [rad/m].
-    other
-        (facet, 3, 3) corners [m] from the end of the return leg; None repeats `corners`.
-
-    Returns
-    -------
-    whole, cut, width
-        (facet,) bound of the whole facet, bound of a facet that a shadow boundary cuts, two-way phase range [rad].
+    The bound is the facet's solid angle. A whole facet's integral falls with the square of its phase range, an integral
+    along a straight edge with the phase range. `corners` are (facet, 3, 3) [m] from the radar, `wavenumber` is in
+    [rad/m]; `other` (facet, 3, 3) [m] are the corners from the other leg's end, None repeats `corners`.
     """
     count = len(corners)
     if not count:
@@ -92,10 +79,10 @@ _RETURN_BOUNDS = FrozenKernel(_bound_returns)
 def max_boundary_returns(
     offset: FloatArray, width: FloatArray, reach: float, occluder_distance: float, wavenumber: float
 ) -> FloatArray:
-    """(facet,) bound on the return beside a shadow boundary along the facet, up to the factor of :func:`max_returns`.
+    """(facet,) bound on the return beside a boundary along the facet, up to the factor of :func:`max_returns`.
 
-    Elements are at most `reach` [m] from the viewpoint, the occluder at least `occluder_distance` [m]. `offset` (facet,
-    corner, 3) [m] is from the viewpoint, `width` (facet,) the phase range [rad].
+    Elements are within `reach` [m], occluders beyond `occluder_distance` [m]; `offset` (facet, corner, 3) [m] is from
+    the viewpoint, `width` (facet,) the phase range [rad].
     """
     distance = np.maximum(lengths(offset).min(axis=1), 1e-9)
     wide = reach * np.maximum(distance / max(occluder_distance, 1e-9) - 1.0, 0.0)

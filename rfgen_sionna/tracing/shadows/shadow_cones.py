@@ -35,10 +35,7 @@ def bounding_spheres(facets: Facets, viewpoint: FloatArray) -> BoundingSpheres:
 
 
 def in_shadow_cones(around: BoundingSpheres, viewpoint: FloatArray, actors: Sequence[FloatArray]) -> NDArray[np.bool_]:
-    """(facet,) whether the bounding sphere reaches into or behind the cone around an actor.
-
-    `actors` are vertices (vertex, 3) [m] each.
-    """
+    """(facet,) whether the sphere reaches into or behind the cone around an actor, its vertices (vertex, 3) [m]."""
     found = np.zeros(len(around.reach), dtype=np.bool_)
     for points in actors:
         offset = points - viewpoint

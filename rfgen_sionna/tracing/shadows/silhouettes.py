@@ -94,8 +94,7 @@ class MeshSilhouette:
     ) -> tuple[FloatArray, FloatArray]:
         """Points (ray, 3) [m] just outside the silhouette and their length of silhouette (ray,) [rad].
 
-        `vertices` (vertex, 3) [m] are from the viewpoint, `spacing` [rad] is the largest angle between rays; `facing`
-        None computes it.
+        `vertices` (vertex, 3) [m] are from the viewpoint; `spacing` is the largest angle between rays [rad].
         """
         if facing is None:
             facing = self.facing(vertices)
@@ -136,8 +135,7 @@ def faces_toward_viewpoint(vertices: FloatArray, faces: IntArray | NDArray[np.ui
 
 
 class FacetLocator:
-    """Finds the facets that rays hit, among facets with `corners` (facet, 3, 3) [m] from the viewpoint on faces
-    `number`."""
+    """Finds the facets that rays hit: `corners` (facet, 3, 3) [m] from the viewpoint, on faces `number` (facet,)."""
 
     def __init__(self, corners: FloatArray, number: IntArray) -> None:
         self._corners, self._number = corners, number
@@ -146,8 +144,7 @@ class FacetLocator:
         self._ascending = number if ordered else number[self._order]
 
     def silhouette_lengths(self, silhouette_rays: SilhouetteRays) -> FloatArray:
-        """(2, facet) silhouette length [rad] that falls on each facet: in all, and without facets before the
-        silhouette."""
+        """(2, facet) silhouette length [rad] that falls on each facet: in all, and behind the silhouette."""
         hit, total = silhouette_rays.hit, np.zeros((2, len(self._number)))
         first = np.searchsorted(self._ascending, hit, "left")
         count = np.searchsorted(self._ascending, hit, "right") - first
@@ -176,10 +173,8 @@ class FacetLocator:
         first: NDArray[np.intp],
         count: NDArray[np.intp],
     ) -> NDArray[np.intp]:
-        """Add the `rays` (ray,) that hit a facet to `total`, and return them.
-
-        Each is tested with `count` (ray,) facets of `tried` from number `first` (ray,) on.
-        """
+        """Add the `rays` (ray,) that hit one of `count` (ray,) facets of `tried`, from number `first` on, to `total`;
+        returns them."""
         starts, size = np.cumsum(count) - count, int(count.sum())
         if not size:
             return rays[:0]
@@ -226,8 +221,7 @@ class FacetLocator:
 
 
 def _hit_facets(given: dict[str, Any]) -> None:
-    """Kernel of :meth:`FacetLocator._add`: 0 for a miss, 1 for a hit before the silhouette, 2 for one at or behind
-    it."""
+    """Kernel of :meth:`FacetLocator._add`: 0 misses, 1 hits before the silhouette, 2 hits at or behind it."""
     dr, types = drjit_types()
     Float, UInt32, Array3, lane = types.Float64, types.UInt32, types.Array3f64, given["lanes"]
     ray, start, first, count = (dr.gather(UInt32, given[name], lane) for name in ("rays", "starts", "first", "count"))

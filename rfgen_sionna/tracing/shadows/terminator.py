@@ -17,10 +17,8 @@ _CORNERS = np.eye(3)
 
 
 def near_terminator(facets: Facets, viewpoint: FloatArray, reach: float) -> NDArray[np.bool_]:
-    """(facet,) whether a facet that faces away from the `viewpoint` (3,) [m] may partly face it.
-
-    Elements lie at most `reach` [m] from the viewpoint. The tilt of vertex normals decides.
-    """
+    """(facet,) whether a facet that faces away from the `viewpoint` (3,) [m] may partly face it, or an element within
+    `reach` [m] of it, by the tilt of its vertex normals."""
     found = np.zeros(len(facets), np.bool_)
     if facets.turn is None:
         return found
@@ -82,8 +80,8 @@ def unoccluded_by_neighbours(
 ) -> NDArray[np.bool_]:
     """(chosen,) facets at the terminator that no other surface occludes, by their neighbours' visible share.
 
-    A facet counts if more than half is visible of the `sampled` (facet,) facets, by their `fraction` (facet,), that
-    touch its corners `before` (chosen, corner) the terminator, or of facets found this way. `places` (facet, 3) number
+    More than half must be visible of the `sampled` (facet,) facets, by their `fraction` (facet,), that touch the
+    corners `before` (chosen, corner) the terminator, or of facets found this way. `places` (facet, 3) number the
     corners.
     """
     touched, size = places[sampled], int(places.max(initial=-1)) + 1
@@ -120,8 +118,8 @@ class _PatchView(NamedTuple):
         return _PatchView(self.corners[..., some], self.sagittas[..., some])
 
     def height(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(facet,) scalar product of normal and direction to the viewpoint at barycentric `place` (3,), and (facet,)
-        its scale."""
+        """(facet,) product of normal and direction to the viewpoint at barycentric `place` (3,), and (facet,) its
+        scale."""
         (a, b, c), p, r = place.tolist(), self.corners, self.sagittas
         at = a * p[0] + b * p[1] + c * p[2] + b * c * r[0] + c * a * r[1] + a * b * r[2]
         one = p[1] - p[0] + c * (r[0] - r[1]) + (a - b) * r[2]

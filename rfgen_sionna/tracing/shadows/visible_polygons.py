@@ -50,10 +50,8 @@ class VisibilitySampler(Protocol):
     def edges(
         self, of: NDArray[np.intp], unoccluded: FloatArray, occluded: FloatArray, halvings: NDArray[np.intp], /
     ) -> tuple[FloatArray, FloatArray]:
-        """Bisect the shadow boundary between `unoccluded` and `occluded` points (ray, 3) of facets `of` (ray,).
-
-        Returns its barycentric coordinates (ray, 3) and (ray,) the occluder's distance over the facet's.
-        """
+        """(ray, 3) shadow boundary between `unoccluded` and `occluded` points (ray, 3) of facets `of`, barycentric, by
+        bisection; and (ray,) the occluder's distance over the facet's."""
 
 
 class VisiblePolygons(NamedTuple):
@@ -72,10 +70,8 @@ class VisiblePolygons(NamedTuple):
 
 
 def find_visible_polygons(sampler: VisibilitySampler, level: NDArray[np.intp], width: FloatArray) -> VisiblePolygons:
-    """Sample facets on lattices of their `level` (facet,), an index into `SPACINGS`.
-
-    `width` (facet,) is the phase difference between a facet's ends [rad].
-    """
+    """Sample facets of phase range `width` (facet,) [rad] on lattices of their `level` (facet,), an index into
+    `SPACINGS`."""
     groups, sent = [], 0
     fraction = np.zeros(len(level))
     for each, facets, unoccluded in _points(sampler, level):

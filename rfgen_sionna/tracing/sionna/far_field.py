@@ -25,8 +25,8 @@ from rfgen_sionna.scene.ray_layer import MeshLayer
 from rfgen_sionna.tracing.integral.obliquity import Media, ScatteredWave, media_of_lanes, media_tables
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.integral.simplex import moments
+from rfgen_sionna.tracing.shadows.mirror_visibility import GUIDE_POINTS
 
-_GUIDE_POINTS = ((2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
 _CLEARANCE = 1e-5
 """Start of shadow rays off the surface, over the mesh's size: above single-precision rounding."""
 
@@ -35,12 +35,7 @@ class ScatteringMesh:
     """Mesh of one material with its facets in the order of their pieces."""
 
     def __init__(
-        self,
-        vertices: FloatArray,
-        faces: IntArray,
-        piece: IntArray,
-        material: Material,
-        frequency: Callable[[], float],
+        self, vertices: FloatArray, faces: IntArray, piece: IntArray, material: Material, frequency: Callable[[], float]
     ) -> None:
         """`vertices` (vertex, 3) [m] in the target's frame; `piece` (face,) is ascending; `frequency` returns [Hz]."""
         dr, types = drjit_types()
@@ -136,12 +131,9 @@ class ScatteringPoint:
             mean = moments(dr, phases).mean.scaled(0.5 * twice_area * visible)
             out = []
             for number, (e_out, e_in) in enumerate((o, i) for o in outgoing for i in incoming):
-                there = ScatteredWave(dr, Array3, normal, k_in, e_in, k_out, e_out).obliquity(
-                    dr, types.Complex2f64, medium
-                )
-                back = ScatteredWave(dr, Array3, normal, -k_out, e_out, -k_in, e_in).obliquity(
-                    dr, types.Complex2f64, medium
-                )
+                both = (k_in, e_in, k_out, e_out), (-k_out, e_out, -k_in, e_in)
+                waves = (ScatteredWave(dr, Array3, normal, *ends) for ends in both)
+                there, back = (wave.obliquity(dr, types.Complex2f64, medium) for wave in waves)
                 term = (there + back).scaled(0.5).times(mean)
                 out += [sums[2 * number] + term.re, sums[2 * number + 1] + term.im]
             return (index + 1, *out)
@@ -161,7 +153,7 @@ class ScatteringPoint:
 
         mi: Any = mitsuba
         total = 0.0
-        for weights in _GUIDE_POINTS:
+        for weights in GUIDE_POINTS.tolist():
             point = sum(weight * corner for weight, corner in zip(weights, corners, strict=True))
             point = mi.Point3f(point + self._body.clearance * normal)
             free = mi.Bool(active)

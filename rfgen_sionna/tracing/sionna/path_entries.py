@@ -203,26 +203,11 @@ def shape_names(shapes: list[int]) -> dict[int, str]:
 def match_paths(
     pair: NDArray[np.intp], signature: NDArray[np.int64], vertices: FloatArray, reach: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Match paths of different element pairs.
+    """(entry,) path number of each entry, in the order of entries, and (path,) first entry of each path.
 
-    Paths match if they have the same signature and points within `reach`; the nearest match counts. The matching
-    affects labels alone, never sums over paths.
-
-    Parameters
-    ----------
-    pair
-        (entry,) element pair.
-    signature
-        (entry, …) interactions.
-    vertices
-        (entry, depth, 3) interaction points [m].
-    reach
-        [m] per interaction.
-
-    Returns
-    -------
-    number, first
-        (entry,) path number in the order of the entries; (path,) first entry of each path.
+    Paths of different element pairs `pair` (entry,) match if they have the same `signature` (entry, …) and their points
+    `vertices` (entry, depth, 3) are within `reach` [m] per interaction; the nearest match counts. The matching affects
+    labels alone, never sums over paths.
     """
     from scipy.spatial import cKDTree
 

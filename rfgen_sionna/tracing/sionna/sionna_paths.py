@@ -186,11 +186,8 @@ def _field_gain(array: Any, directions: FloatArray) -> FloatArray:
 def _directions(
     entries: PathEntries, number: NDArray[np.intp], count: int, radar: Radar
 ) -> tuple[FloatArray, FloatArray]:
-    """(path, 3) unit vectors from the phase centre to the first and to the last interaction, means over the element
-    pairs.
-
-    A direct path runs from Tx to Rx.
-    """
+    """(path, 3) unit vectors from the phase centre (direct paths: Tx, Rx) to the first and last interaction, means over
+    pairs."""
     tx, rx = radar.tx_world[entries.tx], radar.rx_world[entries.rx]
     points, direct = entries.nodes(tx, rx), (entries.depth == 0)[:, None]
     before = points[np.arange(len(entries)), entries.depth]
