@@ -1,4 +1,4 @@
-"""Run files: one HDF5 file holds the samples, images, meshes and labels of a run, and how it was made."""
+"""Run files: one HDF5 file with the samples, images, meshes, labels and settings of a run."""
 
 from rfgen_sionna.dataset.reader import ActorRecord, LabelRecord, Run, open_run
 from rfgen_sionna.dataset.schema import STANDARD_LABELS, ActorInfo, Label, RunFormatError, RunInfo

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -16,8 +15,8 @@ from rfgen_sionna.records import Pir
 _TEXT = h5py.string_dtype()
 
 
-def create_run(file: h5py.File, info: RunInfo, filters: Mapping[str, Any]) -> None:
-    """Everything but labels and PIR, whose shapes the first frame tells; `filters` compress samples and meshes."""
+def create_run(file: h5py.File, info: RunInfo) -> None:
+    """Create everything but labels and PIR, whose shapes are those of the first frame."""
     radar = info.radar
     wave = radar.waveform
     file.attrs.update(
@@ -44,7 +43,7 @@ def create_run(file: h5py.File, info: RunInfo, filters: Mapping[str, Any]) -> No
     _scale(file, "sample", np.arange(wave.num_samples), "ADC sample within the chirp")
     _series(
         file, "adc", radar.frame_shape, np.complex64, ("chirp", "tx", "rx", "sample"), "sqrt(W)",
-        "complex baseband at the receiver input: |sample|² is power", **filters,
+        "complex baseband at the receiver input: |sample|² is power",
     )  # fmt: skip
     _series(file, "frame_time", (), np.float64, (), "s", "start of the first ramp of the frame")
     _series(file, "mesh_time", (), np.float64, (), "s", "instant of meshes, joints and labels")
@@ -69,10 +68,10 @@ def create_run(file: h5py.File, info: RunInfo, filters: Mapping[str, Any]) -> No
     if info.actors:
         _scale(file, "actor", [actor.name for actor in info.actors], "name of the actor")
     for actor in info.actors:
-        _create_actor(file, actor, filters)
+        _create_actor(file, actor)
 
 
-def _create_actor(file: h5py.File, actor: ActorInfo, filters: Mapping[str, Any]) -> None:
+def _create_actor(file: h5py.File, actor: ActorInfo) -> None:
     at = f"actors/{actor.name}"
     file.create_group(at).attrs["material"] = actor.material
     _scale(file, f"{at}/vertex", np.arange(actor.num_vertices, dtype=np.int32), "vertex number")
@@ -84,7 +83,7 @@ def _create_actor(file: h5py.File, actor: ActorInfo, filters: Mapping[str, Any])
     _fixed(file, f"{at}/face_part", actor.face_parts, (face,), "", "index into part")
     _series(
         file, f"{at}/vertices", (actor.num_vertices, 3), np.float32, (f"{at}/vertex", "axis"), "m",
-        "vertex position, world frame", **filters,
+        "vertex position, world frame",
     )  # fmt: skip
     if actor.joint_names:
         _scale(file, f"{at}/joint", list(actor.joint_names), "name of the joint")
@@ -95,7 +94,7 @@ def _create_actor(file: h5py.File, actor: ActorInfo, filters: Mapping[str, Any])
 
 
 def create_label(file: h5py.File, name: str, label: Label, shape: tuple[int, ...]) -> None:
-    """The series of one label of `shape` a frame."""
+    """Create the series of a label with values of `shape`; ValueError if it has other axes than declared."""
     if len(shape) != len(label.dims):
         raise ValueError(f"label '{name}' has shape {shape}; the axes {label.dims} are declared")
     dims = []
@@ -110,8 +109,8 @@ def create_label(file: h5py.File, name: str, label: Label, shape: tuple[int, ...
     _series(file, f"labels/{name}", shape, kind, tuple(dims), label.units, label.description)
 
 
-def create_pir(file: h5py.File, pir: Pir, filters: Mapping[str, Any]) -> None:
-    """The series of images that look like `pir`."""
+def create_pir(file: h5py.File, pir: Pir) -> None:
+    """Create the series of images with the pixels, field of view and projection of `pir`."""
     rows, columns = np.shape(pir.energy)
     group = file.create_group("pir")
     group.attrs.update({"fov_deg": pir.fov_deg, "projection": pir.projection})
@@ -121,7 +120,7 @@ def create_pir(file: h5py.File, pir: Pir, filters: Mapping[str, Any]) -> None:
     _fixed(file, "pir/channel_units", list(PIR_CHANNELS.values()), ("pir/channel",), "", "units of each channel")
     _series(
         file, "pir/image", (len(PIR_CHANNELS), rows, columns), np.float32, ("pir/channel", "pir/row", "pir/column"),
-        "see channel_units", "energy is |path gain|² of isotropic elements", **filters,
+        "see channel_units", "energy is |path gain|² of isotropic elements",
     )  # fmt: skip
     _series(file, "pir/time", (), np.float64, (), "s", "instant of the image")
     _series(file, "pir/position", (3,), np.float64, ("axis",), "m", "viewpoint, world frame")
@@ -145,12 +144,10 @@ def _fixed(file: h5py.File, name: str, values: Any, dims: tuple[str, ...], units
 
 
 def _series(
-    file: h5py.File, name: str, shape: tuple[int, ...], kind: Any, dims: tuple[str, ...], units: str, description: str,
-    **filters: Any,
-) -> None:  # fmt: skip
-    dataset = file.create_dataset(
-        name, (0, *shape), kind, maxshape=(None, *shape), chunks=(1, *shape) if shape else (1024,), **filters
-    )
+    file: h5py.File, name: str, shape: tuple[int, ...], kind: Any, dims: tuple[str, ...], units: str, description: str
+) -> None:
+    chunks = (1, *shape) if shape else (1024,)
+    dataset = file.create_dataset(name, (0, *shape), kind, maxshape=(None, *shape), chunks=chunks)
     _describe(file, dataset, ("frame", *dims), units, description)
 
 

@@ -1,4 +1,4 @@
-"""Reading a run: everything that is large stays on the disk until it is asked for."""
+"""Reader of run files: arrays stay on the disk until they are read."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NEEDED_ATTRIBUTES = ("format_version", "prompt", "negative_prompt", "environmen
 
 @dataclass(frozen=True)
 class ActorRecord:
-    """One actor of a run."""
+    """Actor of a run."""
 
     name: str
     material: str
@@ -49,7 +49,7 @@ class ActorRecord:
 
 @dataclass(frozen=True)
 class LabelRecord:
-    """One label over all frames."""
+    """Label over all frames."""
 
     values: NDArray[Any]
     """(frame, ...) with the axes `dims`; texts as str objects."""
@@ -59,7 +59,7 @@ class LabelRecord:
 
 
 class Run:
-    """An open run file; close it, or use it in a `with` statement. See :func:`open_run`."""
+    """Open run file (:func:`open_run`), to be closed or used in a `with` statement."""
 
     def __init__(self, path: Path, file: h5py.File) -> None:
         self.path = path
@@ -74,6 +74,7 @@ class Run:
         self.close()
 
     def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
     def __len__(self) -> int:
@@ -82,91 +83,86 @@ class Run:
 
     @property
     def adc(self) -> h5py.Dataset:
-        """(frame, chirp, tx, rx, sample) complex64, on the disk: slice it to read."""
+        """(frame, chirp, tx, rx, sample) complex64 on the disk [sqrt(W)]; a slice reads it."""
         return self._opened["adc"]
 
     def cube(self, frames: slice = slice(None)) -> AdcCube:
-        """The samples of some frames (all by default), in memory, with the radar and the frames' times."""
-        return AdcCube(
-            data=self.adc[frames],
-            radar=self.radar,
-            frame_times=self.frame_times[frames],
-            seed=self.seeds.get("noise"),
-        )
+        """Samples of `frames`, in memory, with the radar and the frames' times."""
+        return AdcCube(self.adc[frames], self.radar, self.frame_times[frames], self.seeds.get("noise"))
 
     @cached_property
     def radar(self) -> Radar:
+        """The radar of the run."""
         return Radar.from_dict(self._json("radar"))
 
     @cached_property
     def frame_times(self) -> FloatArray:
-        """(frame,) start of the first ramp of each frame [s]."""
+        """(frame,) start of each frame's first ramp [s]."""
         return np.asarray(self._opened["frame_time"][:])
 
     @cached_property
     def mesh_times(self) -> FloatArray:
-        """(frame,) instant of meshes, joints and labels [s]."""
+        """(frame,) times of meshes, joints and labels [s]."""
         return np.asarray(self._opened["mesh_time"][:])
 
     @property
     def prompt(self) -> str:
+        """The prompt; empty without one."""
         return str(self._opened.attrs["prompt"])
 
     @property
     def negative_prompt(self) -> str:
+        """The negative prompt; empty without one."""
         return str(self._opened.attrs["negative_prompt"])
 
     @property
     def receiver(self) -> dict[str, Any] | None:
-        """The receiver's record (`signal.receiver_from_record` makes a receiver of it); None where the run has none."""
+        """Record of the receiver for `signal.receiver_from_record`; None without a receiver."""
         return self._json("receiver") if self._opened.attrs.get("receiver") else None
 
     @property
     def full_scale(self) -> float | None:
-        """Largest I or Q of the ADC [sqrt(W)]; None where the samples were not quantised, or nobody says."""
+        """Largest I or Q of the ADC [sqrt(W)]; None if the samples are not quantised or the file has no value."""
         value = self.adc.attrs.get("full_scale")
         return None if value is None else float(value)
 
     @property
     def clipped(self) -> int:
-        """Words of I and Q, of `2 adc.size`, that were beyond the ADC's range."""
+        """Number of I and Q values, of `2 adc.size`, beyond the ADC's range."""
         return int(self.adc.attrs.get("clipped", 0))
 
     @property
     def report(self) -> str:
-        """Interpretation of the prompt, and every decision with its origin; empty in files without it."""
+        """Interpretation of the prompt and every decision with its origin; empty without a prompt."""
         return str(self._opened.attrs.get("report", ""))
 
     @property
     def environment(self) -> str:
+        """Name of the surroundings; empty in free space."""
         return str(self._opened.attrs["environment"])
 
     @property
     def created(self) -> str:
-        """When the file was begun, ISO 8601, UTC."""
+        """Time of the file's creation, ISO 8601, UTC."""
         return str(self._opened.attrs.get("created", ""))
 
     @property
     def seeds(self) -> dict[str, int | None]:
+        """Seed of each draw; None for one without randomness."""
         return dict(self._json("seeds"))
 
     @property
     def software(self) -> dict[str, str]:
-        """Versions of the packages that wrote the run."""
+        """Versions of the packages at the file's creation."""
         return dict(self._json("software"))
 
     @property
     def has_pir(self) -> bool:
+        """Whether the run has PIR images."""
         return "image" in self._opened.get("pir", ())
 
     def pir(self, frame: int) -> Pir:
-        """The PIR of frame `frame`.
-
-        Raises
-        ------
-        RunFormatError
-            The run holds no PIR.
-        """
+        """PIR of frame number `frame`; RunFormatError if the run has none."""
         if not self.has_pir:
             raise RunFormatError(f"{self.path} holds no PIR frames ('pir/image')")
         group = self._opened["pir"]
@@ -185,7 +181,7 @@ class Run:
 
     @cached_property
     def actors(self) -> Mapping[str, ActorRecord]:
-        """The actors by name, in the order of the "actor" axis of labels."""
+        """Actors by name, in the order of the "actor" axis of labels."""
         names = self._opened["actor"].asstr()[:] if "actor" in self._opened else ()
         found = {}
         for name in names:
@@ -203,7 +199,7 @@ class Run:
 
     @cached_property
     def labels(self) -> Mapping[str, LabelRecord]:
-        """Every label with its values over all frames."""
+        """Labels by name, with their values over all frames."""
         found = {}
         for name, dataset in self._opened["labels"].items():
             if dataset.is_scale:
@@ -231,16 +227,16 @@ class Run:
 
 
 def open_run(path: str | os.PathLike[str]) -> Run:
-    """Open a run file for reading.
+    """Open the run file at `path` for reading.
 
     Raises
     ------
     FileNotFoundError, IsADirectoryError
-        There is no such file, or it is a folder.
+        If there is no such file, or it is a folder.
     RunFormatError
-        The file is not HDF5, not a run, of a newer format, or lacks something: the message names it.
+        If the file is not HDF5, not a run, of another format version, or lacks datasets or attributes.
     TypeError
-        `path` is no path.
+        If `path` is not a path.
     """
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(f"path is {path!r}: the path of a run file is needed")

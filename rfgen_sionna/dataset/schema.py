@@ -1,20 +1,19 @@
 """Contents of a run file: names, axes and units of format `rfgen-run`.
 
-One HDF5 file holds one run, laid out as netCDF-4 does (dimension scales by name, units as attributes), so that
-general tools open it. Complex samples are the compound (r, i) that h5py and NumPy share::
+One HDF5 file holds one run in netCDF-4 layout: dimension scales by name, units as attributes. Complex samples are the
+compound (r, i) of h5py and NumPy::
 
     /adc            (frame, chirp, tx, rx, sample) complex64 [sqrt(W)]
     /frame_time     (frame) start of each frame's first ramp [s]
     /chirp_time     (chirp, tx) start of each ramp after that [s]
-    /sample_time    (sample) after the start of the ramp [s]; (tx, sample) where chirps of several kinds differ in it
-    /tx_phase, /tx_advance  (tx, tx_element) where `tx` counts slots: phases of the Tx elements in them [degree]
+    /sample_time    (sample) after the start of the ramp [s]; (tx, sample) with several profiles
+    /tx_phase, /tx_advance  (tx, tx_element) phases of the Tx elements [degree], if `tx` counts slots
     /pir/image      (frame, channel, row, column) float32; channel: energy, time_of_arrival [s], velocity [m s-1]
     /pir/...        time, position, orientation of the viewpoint per frame
     /actors/NAME/   vertices (frame, vertex, axis) [m], faces, face_part, joints (frame, joint, axis) [m]
     /labels/NAME    (frame, ...) as declared, with units
 
-The attributes of the file say the prompt, what was made of it (report), the environment, the radar (JSON), seeds and
-versions (JSON).
+Attributes of the file: prompt, its interpretation (report), environment, radar (JSON), seeds and versions (JSON).
 
     >>> import xarray                                                           # doctest: +SKIP
     >>> run = xarray.open_dataset("jacks.h5", engine="h5netcdf")                # doctest: +SKIP
@@ -41,22 +40,22 @@ FORMAT = "rfgen-run"
 VERSION = "1.0"
 
 PIR_CHANNELS: dict[str, str] = {"energy": "1", "time_of_arrival": "s", "velocity": "m s-1"}
-"""Channels of a PIR image, in this order, with their units; energy is |path gain|²."""
+"""Channels of a PIR image in the order of the file -> unit; energy is |path gain|²."""
 
 AXES = ("x", "y", "z")
 
 SOFTWARE = (
     "rfgen_sionna", "sionna-rt", "mitsuba", "drjit", "numpy", "scipy", "finufft", "trimesh", "anny", "torch", "h5py",
 )  # fmt: skip
-"""Distributions whose versions go into the file where they are installed."""
+"""Distributions whose versions are stored, if installed."""
 
 
 class RunFormatError(ValueError):
-    """A file is not a run, or a run lacks something."""
+    """The file is not a run of this format, or lacks a part of it."""
 
 
 def software_versions() -> dict[str, str]:
-    """Installed versions of :data:`SOFTWARE`; nothing is imported for it."""
+    """Installed versions of :data:`SOFTWARE`, without importing them."""
     found = {}
     for name in SOFTWARE:
         try:
@@ -68,12 +67,12 @@ def software_versions() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Label:
-    """Storage of one label: one value a frame with these further axes."""
+    """Declaration of a label: one value a frame with further axes `dims`."""
 
     units: str = "1"
-    """As UDUNITS writes them ("m s-1"); "1" for numbers without a unit; empty for text."""
+    """Unit in UDUNITS notation ("m s-1"); "1" for numbers without a unit; empty for text."""
     dims: tuple[str, ...] = ()
-    """Axes beside frame: "actor" (as many as the run has), "axis" (x, y, z), or any other name of your own."""
+    """Axes after frame: "actor", "axis" (x, y, z), or any other name."""
     description: str = ""
     text: bool = False
     """Whether the values are texts."""
@@ -89,12 +88,18 @@ STANDARD_LABELS: dict[str, Label] = {
     "azimuth": Label("rad", ("actor",), "direction of the centre in the radar's frame; positive is left"),
     "elevation": Label("rad", ("actor",), "direction of the centre in the radar's frame; positive is up"),
 }
-"""Labels that this package writes; declare others beside them."""
+"""Labels that this package writes."""
 
 
 @dataclass(frozen=True)
 class ActorInfo:
-    """Facts about an actor that stay the same during a run."""
+    """Constant properties of an actor.
+
+    Raises
+    ------
+    ValueError
+        If the name, the faces or the face parts are invalid.
+    """
 
     name: str
     material: str
@@ -103,7 +108,7 @@ class ActorInfo:
     num_vertices: int
     part_names: tuple[str, ...] = ("body",)
     face_parts: IntArray | None = None
-    """(face,) index into `part_names`; None is all 0."""
+    """(face,) index into `part_names`; None assigns all faces to the first part."""
     joint_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -128,34 +133,33 @@ class ActorInfo:
 
     @classmethod
     def of(cls, actor: Any) -> ActorInfo:
-        """From an :class:`rfgen_sionna.scene.MeshActor` (or anything with its attributes)."""
-        return cls(
-            name=actor.name,
-            material=actor.properties.name,
-            faces=actor.faces,
-            num_vertices=len(actor.vertices(0.0)),
-            part_names=tuple(actor.part_names),
-            face_parts=actor.face_parts,
-            joint_names=tuple(actor.joint_names),
-        )
+        """Properties of an :class:`rfgen_sionna.scene.MeshActor`."""
+        count, parts, joints = len(actor.vertices(0.0)), tuple(actor.part_names), tuple(actor.joint_names)
+        return cls(actor.name, actor.properties.name, actor.faces, count, parts, actor.face_parts, joints)
 
 
 @dataclass(frozen=True)
 class RunInfo:
-    """Facts about a run before its first frame."""
+    """Properties of a run, known before its first frame.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If names of actors or labels are invalid, or a seed is not a whole number.
+    """
 
     radar: Radar
     prompt: str = ""
     negative_prompt: str = ""
     environment: str = ""
     seeds: Mapping[str, int | None] = field(default_factory=dict)
-    """Seed of each draw, for instance {"motion": 0, "noise": 1}; None where nothing was drawn."""
+    """Seed of each draw, such as {"motion": 0, "noise": 1}; None without randomness."""
     actors: tuple[ActorInfo, ...] = ()
     labels: Mapping[str, Label] = field(default_factory=dict)
     report: str = ""
-    """Interpretation of the prompt, and every decision with its origin; text of several lines."""
+    """Interpretation of the prompt and every decision with its origin; several lines."""
     receiver: Mapping[str, Any] | None = None
-    """The receiver's record (`signal.receiver_record`), ready for JSON; None where there was none or nobody says."""
+    """Record of the receiver (`signal.receiver_record`), ready for JSON; None stores none."""
     software: Mapping[str, str] = field(default_factory=software_versions)
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Writing a run: frame by frame into a hidden partial file that gets its name when the run is whole."""
+"""Writer of run files: frame by frame into a hidden partial file, renamed when the run is complete."""
 
 from __future__ import annotations
 
@@ -18,24 +18,20 @@ from rfgen_sionna.dataset.hdf5_layout import create_label, create_pir, create_ru
 from rfgen_sionna.dataset.schema import PIR_CHANNELS, ActorInfo, RunInfo
 from rfgen_sionna.records import Pir
 
-COMPRESSIONS = (None, "gzip", "lzf")
-
 
 class OutputError(ValueError):
-    """An output file cannot be written where it is asked for."""
+    """An output file cannot be written."""
 
 
 def check_output(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
-    """Whether a file can be written at `path`; call it before any long work.
-
-    Returns the path; creates nothing that stays.
+    """Check before long work that a file can be written at `path`, and return the path.
 
     Raises
     ------
     OutputError
-        The file exists (without `overwrite`), is a folder, or its folder is missing or not writable.
+        If the file exists (without `overwrite`), is a folder, or its folder is missing or not writable.
     TypeError
-        `path` is no path.
+        If `path` is not a path.
     """
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(f"output is {path!r}: the path of a file is needed")
@@ -56,37 +52,30 @@ def check_output(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
 
 
 class RunWriter:
-    """Writes one run. Use it in a `with` statement: the file appears under its name when the block ends well.
+    """Writer of one run, for a `with` statement: the file gets its name when the block ends without an exception.
 
-    If the block raises (an interruption from the keyboard too), or no frame was appended, nothing is left.
+    A block that raises, or appends no frame, leaves no file.
 
     Parameters
     ----------
     path
-        Output file; see :func:`check_output`.
+        Output file (:func:`check_output`).
     info
-        What is known beforehand.
+        Properties of the run.
     overwrite
-        Whether an existing file is replaced, in one step, once the new one is whole.
-    compression
-        None, "gzip" or "lzf", for samples, images and meshes. Noise does not compress; noise-free runs by a third.
+        Whether the complete file replaces an existing one.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written, at the start or at the end.
     """
 
-    def __init__(
-        self,
-        path: str | os.PathLike[str],
-        info: RunInfo,
-        *,
-        overwrite: bool = False,
-        compression: str | None = None,
-    ) -> None:
-        if compression not in COMPRESSIONS:
-            raise ValueError(f"compression is {compression!r}; allowed: {', '.join(map(repr, COMPRESSIONS))}")
+    def __init__(self, path: str | os.PathLike[str], info: RunInfo, *, overwrite: bool = False) -> None:
         self.path = check_output(path, overwrite)
         self.info = info
         self.frames = 0
         self._overwrite = overwrite
-        self._filters = {} if compression is None else {"compression": compression, "shuffle": True}
         self._partial = self.path.parent / f".{self.path.name}.partial-{os.getpid()}"
         self._file: h5py.File | None = None
         self._view: tuple[tuple[float, ...], str] | None = None
@@ -94,7 +83,7 @@ class RunWriter:
     def __enter__(self) -> RunWriter:
         self._file = h5py.File(self._partial, "w", libver=("earliest", "v110"))
         try:
-            create_run(self._file, self.info, self._filters)
+            create_run(self._file, self.info)
         except BaseException:
             self._abort()
             raise
@@ -118,8 +107,6 @@ class RunWriter:
             raise
         self._publish()
 
-    # -- one frame ----------------------------------------------------------------------------------------
-
     def append(
         self,
         adc: ArrayLike,
@@ -133,7 +120,7 @@ class RunWriter:
         full_scale: float | None = None,
         clipped: float = 0.0,
     ) -> None:
-        """Add one frame.
+        """Append a frame.
 
         Parameters
         ----------
@@ -142,22 +129,22 @@ class RunWriter:
         time
             Start of the frame's first ramp [s].
         pir
-            Image of the frame; every frame has one or none has.
+            Image of the frame; all frames have one, or none.
         vertices, joints
-            (vertex, 3) and (joint, 3) world positions [m] of each actor of the run (joints where it has any).
+            (vertex, 3) and (joint, 3) world positions [m] by actor; joints of actors with a skeleton.
         labels
-            One value for each label that was declared.
+            A value for each declared label.
         mesh_time
-            Instant of `vertices`, `joints` and `labels` [s]; `time` by default.
+            Time of `vertices`, `joints` and `labels` [s]; None takes `time`.
         full_scale
-            Largest I or Q of the ADC [sqrt(W)], that of all frames; None where the samples are not quantised.
+            Largest I or Q of the ADC [sqrt(W)], the same for all frames; None for samples without quantisation.
         clipped
-            Share of the frame's words of I and Q that were beyond it; the file counts the words.
+            Share of the frame's I and Q values beyond full scale.
 
         Raises
         ------
         ValueError
-            Naming what does not fit, with the shape or the names needed; the frame is then not in the file.
+            If a value has a wrong shape, name or range; the frame is then not in the file.
         """
         file = self._opened
         samples = np.asarray(adc)
@@ -175,8 +162,8 @@ class RunWriter:
         known = file["adc"].attrs.get("full_scale") if self.frames else full_scale
         if known != full_scale or not 0 <= clipped <= 1 or (full_scale is not None and not 0 < full_scale < np.inf):
             raise ValueError(
-                f"full_scale is {full_scale!r} and clipped {clipped!r}: that of the frames before ({known!r}), and a "
-                "share in 0 … 1, are needed"
+                f"full_scale is {full_scale!r} and clipped {clipped!r}: full_scale of the frames before ({known!r}) "
+                "and a share in 0 … 1 are needed"
             )
         rows: list[tuple[str, Any]] = [
             ("adc", samples.astype(np.complex64)),
@@ -239,7 +226,7 @@ class RunWriter:
         if not exists:
             if self.frames:
                 raise ValueError(f"pir is given in frame {self.frames}; the frames before have none")
-            create_pir(self._opened, pir, self._filters)
+            create_pir(self._opened, pir)
             self._view = (tuple(pir.fov_deg), pir.projection)
         image = np.stack([getattr(pir, channel) for channel in PIR_CHANNELS]).astype(np.float32)
         if image.shape != self._opened["pir/image"].shape[1:] or self._view != (tuple(pir.fov_deg), pir.projection):
@@ -254,8 +241,6 @@ class RunWriter:
             ("pir/orientation", pir.orientation),
         ]
 
-    # -- the file -----------------------------------------------------------------------------------------
-
     @property
     def _opened(self) -> h5py.File:
         if self._file is None:
@@ -263,23 +248,18 @@ class RunWriter:
         return self._file
 
     def _publish(self) -> None:
+        """Give the partial file its name; it keeps its own, with the finished run, if the name is taken meanwhile."""
         if self._overwrite:
             os.replace(self._partial, self.path)
         else:
             try:
                 os.link(self._partial, self.path)
-            except FileExistsError:
-                # Hours of work may be in the partial file: it stays, under its own name.
-                raise OutputError(
-                    f"output '{self.path}' appeared while the run was written; the run is in '{self._partial}'"
-                ) from None
             except OSError:
-                # A file system without hard links.
-                if self.path.exists():
+                if os.path.lexists(self.path):
                     raise OutputError(
                         f"output '{self.path}' appeared while the run was written; the run is in '{self._partial}'"
                     ) from None
-                os.rename(self._partial, self.path)
+                os.rename(self._partial, self.path)  # a file system without hard links
             else:
                 os.unlink(self._partial)
         with suppress(OSError):

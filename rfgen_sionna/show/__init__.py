@@ -1,4 +1,4 @@
-"""Pictures and words about a run: a sheet, a short film, a summary."""
+"""Pictures and a summary of a run: sheet, film, text."""
 
 from rfgen_sionna.show.film import animation
 from rfgen_sionna.show.page import sheet

@@ -1,4 +1,4 @@
-"""A short film of a run: the scene with what the radar finds in it, and the range-Doppler map beside it."""
+"""Film of a run: the scene with the point cloud, and the range-Doppler map beside it."""
 
 from __future__ import annotations
 
@@ -22,10 +22,9 @@ from PIL import Image
 
 from rfgen_sionna.dataset import Run, check_output
 from rfgen_sionna.show.page import headline, velocity_limit
-from rfgen_sionna.show.panels import draw_range_doppler
+from rfgen_sionna.show.panels import INK, draw_range_doppler
 from rfgen_sionna.show.run_view import display_range, opened, view_frame
 from rfgen_sionna.show.scene_plot import DecimatedMesh, PlotLimits, draw_scene
-from rfgen_sionna.show.style import INK
 
 Picture = NDArray[np.uint8]
 
@@ -38,7 +37,7 @@ def animation(
     dpi: int = 90,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Film a run at its own speed.
+    """Film of a run at its own speed.
 
     Parameters
     ----------
@@ -46,24 +45,24 @@ def animation(
         An open run or the path of one.
     output
         File that ends in .mp4 or .gif. MP4 needs ffmpeg (on the path, or from the package imageio-ffmpeg); without
-        it a GIF of the same name is made and a warning says so.
+        it a GIF of the same name is written, with a warning.
     overwrite
         Whether an existing film is replaced.
     dpi
         Pixels per inch of a picture of 11 × 5 inches.
     progress
-        Called with the number of finished frames and of all frames.
+        Called with the number of finished frames and of all frames; None calls nothing.
 
     Returns
     -------
-    The file that was written.
+    Path of the written file.
 
     Raises
     ------
     OutputError
-        The film cannot be written there.
+        If the file exists or its folder is missing or not writable.
     ValueError
-        Another suffix.
+        If `output` has another suffix.
     """
     target = Path(output)
     if target.suffix not in (".mp4", ".gif"):
@@ -92,7 +91,7 @@ def animation(
 
 def _pictures(run: Run, dpi: int, progress: Callable[[int, int], None] | None) -> list[Picture]:
     """One picture a frame, all with the same limits and colours."""
-    stage = PlotLimits.of(run)
+    limits = PlotLimits.of(run)
     meshes = {name: DecimatedMesh.of(actor) for name, actor in run.actors.items()}
     views = [view_frame(run, frame, static=False) for frame in range(len(run))]
     far = max(display_range(run, frame) for frame in (0, len(run) - 1))
@@ -103,7 +102,7 @@ def _pictures(run: Run, dpi: int, progress: Callable[[int, int], None] | None) -
         page = Figure(figsize=(11, 5), dpi=dpi, facecolor="white")
         canvas = FigureCanvasAgg(page)
         space = cast(Axes3D, page.add_axes((0.0, -0.02, 0.56, 0.88), projection="3d"))
-        draw_scene(page, space, run, frame, view.cloud, stage=stage, meshes=meshes, speed=speed, zoom=1.4)
+        draw_scene(page, space, run, frame, view.cloud, limits=limits, meshes=meshes, speed=speed, zoom=1.4)
         draw_range_doppler(page, page.add_axes((0.61, 0.13, 0.3, 0.7)), view, far, top)
         page.text(0.015, 0.945, headline(run), fontsize=12.5, fontweight="bold", color=INK)
         page.text(0.985, 0.945, f"{run.frame_times[frame]:.2f} s", fontsize=12, color=INK, ha="right")
@@ -117,7 +116,7 @@ def _pictures(run: Run, dpi: int, progress: Callable[[int, int], None] | None) -
 
 
 def _gif(pictures: list[Picture], target: Path, interval: float) -> None:
-    # One palette for all frames: colours do not flicker.
+    # One palette for all frames, so that colours do not flicker.
     joint = Image.fromarray(np.concatenate(pictures[:: max(1, len(pictures) // 6)])).quantize(255)
     frames = [Image.fromarray(picture).quantize(palette=joint, dither=Image.Dither.NONE) for picture in pictures]
     frames[0].save(
@@ -138,7 +137,7 @@ def _mp4(pictures: list[Picture], target: Path, interval: float, encoder: str) -
 
 
 def _ffmpeg() -> str | None:
-    """An ffmpeg to call, None where there is none."""
+    """Path of an ffmpeg; None if none is installed."""
     if found := shutil.which("ffmpeg"):
         return found
     if find_spec("imageio_ffmpeg") is None:

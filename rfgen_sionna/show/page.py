@@ -1,4 +1,4 @@
-"""One page of pictures about a run."""
+"""Sheet: one page of pictures of a run."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
 
 from rfgen_sionna.dataset import Run, check_output
 from rfgen_sionna.show.panels import (
+    INK,
+    MUTED,
     draw_azimuth,
     draw_doppler_time,
     draw_pir,
@@ -23,7 +25,6 @@ from rfgen_sionna.show.panels import (
 from rfgen_sionna.show.run_summary import radar_line
 from rfgen_sionna.show.run_view import check_frame, display_range, opened, view_frame, view_run
 from rfgen_sionna.show.scene_plot import DecimatedMesh, PlotLimits, draw_scene
-from rfgen_sionna.show.style import INK, MUTED
 
 
 def sheet(
@@ -34,30 +35,31 @@ def sheet(
     overwrite: bool = False,
     dpi: int = 110,
 ) -> Path:
-    """Draw a run on one page.
-
-    PIR, range-Doppler and azimuth map, point cloud with the mesh of one frame, and the range-time and Doppler-time
-    spectrograms of all frames.
+    """One page of pictures: PIR, range-Doppler and azimuth map, point cloud and mesh of one frame, spectrograms of all.
 
     Parameters
     ----------
     run
         An open run or the path of one.
     output
-        Picture file; its suffix says the format (.png, .pdf, .jpg …).
+        Picture file; its suffix selects the format (.png, .pdf, .jpg …).
     frame
-        Frame to show, from 0; by default the one with the fastest motion.
+        Frame, from 0; None takes the one with the fastest motion.
     overwrite
         Whether an existing picture is replaced.
     dpi
         Pixels per inch of a page of 16 × 10.5 inches.
 
+    Returns
+    -------
+    Path of the written file.
+
     Raises
     ------
     OutputError
-        The picture cannot be written there.
+        If the file exists or its folder is missing or not writable.
     ValueError
-        There is no such frame, or no such picture format.
+        If the run has no such frame, or `output` has an unknown suffix.
     """
     target = check_output(output, overwrite)
     allowed = Figure().canvas.get_supported_filetypes()
@@ -83,7 +85,7 @@ def _draw(run: Run, frame: int | None) -> Figure:
     page.set_layout_engine(engine)
     rows = page.add_gridspec(3, 1, height_ratios=(1.0, 1.25, 1.0))
     top = rows[0:2].subgridspec(2, 2, width_ratios=(1.75, 1.0), height_ratios=(1.0, 1.25))
-    # The scene stands beside both upper rows.
+    # The scene takes the right column of both upper rows.
     if run.has_pir:
         images = top[0, 0].subgridspec(1, 3)
         draw_pir(page, tuple(page.add_subplot(images[0, i]) for i in range(3)), run.pir(frame))  # type: ignore[arg-type]
@@ -99,7 +101,7 @@ def _draw(run: Run, frame: int | None) -> Figure:
         run,
         frame,
         view.cloud,
-        stage=PlotLimits.of(run),
+        limits=PlotLimits.of(run),
         meshes={name: DecimatedMesh.of(actor, 12000) for name, actor in run.actors.items()},
         speed=velocity_limit(view.cloud.velocity),
     )
@@ -113,7 +115,7 @@ def _draw(run: Run, frame: int | None) -> Figure:
 
 
 def headline(run: Run) -> str:
-    """Prompt and environment, or what there is of them."""
+    """Prompt, or names of the actors, and environment."""
     text = run.prompt or ", ".join(run.actors) or "radar run"
     return f"“{text}” — {run.environment}" if run.environment else f"“{text}”"
 

@@ -1,39 +1,86 @@
-"""The single panels of a sheet: each draws processed data into one pair of axes."""
+"""Panels of a sheet and their common style; figures are made without pyplot, whose state is global."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import Collection
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.dataset import Run
 from rfgen_sionna.processing.spectrum import decibel, watts_to_dbm
 from rfgen_sionna.records import Pir
 from rfgen_sionna.show.run_view import FrameView, RunView
-from rfgen_sionna.show.style import (
-    ACCENT,
-    DELAY_MAP,
-    LEVEL_MAP,
-    VELOCITY_MAP,
-    edges,
-    level_limits,
-    plain,
-    scale,
-    titled,
-)
+
+INK = "#1d2733"
+MUTED = "#6b7785"
+ACCENT = "#19c3d6"
+"""Colour of ground truth over a spectrum."""
+
+LEVEL_MAP = "inferno"
+DELAY_MAP = "viridis_r"
+VELOCITY_MAP = "coolwarm"
+"""Blue approaches, red recedes."""
+
+
+def titled(axes: Axes, title: str, note: str = "") -> None:
+    """Bold title on the left, muted note on the right."""
+    axes.set_title(title, loc="left", fontsize=10.5, fontweight="bold", color=INK, pad=6)
+    if note:
+        axes.set_title(note, loc="right", fontsize=8, color=MUTED, pad=6)
+
+
+def plain(axes: Axes, x: str, y: str) -> None:
+    """Axis labels, small ticks, thin frame."""
+    axes.set_xlabel(x, fontsize=9, color=INK, labelpad=2)
+    axes.set_ylabel(y, fontsize=9, color=INK, labelpad=2)
+    axes.tick_params(labelsize=8, colors=INK, width=0.6, length=3)
+    for spine in axes.spines.values():
+        spine.set_linewidth(0.6)
+        spine.set_color(MUTED)
+
+
+def scale(figure: Figure, drawn: AxesImage | Collection, axes: Axes, label: str) -> None:
+    """Narrow colour bar with a label, as high as the picture."""
+    bar = figure.colorbar(drawn, cax=axes.inset_axes((1.015, 0.0, 0.025, 1.0)))
+    bar.set_label(label, fontsize=8, color=INK)
+    bar.ax.tick_params(labelsize=7.5, colors=INK, width=0.5, length=2.5)
+    bar.outline.set_linewidth(0.5)
+
+
+def level_limits(level: FloatArray, span: float = 60.0, margin: float = 3.0) -> tuple[float, float]:
+    """Colour limits [dB] of a map: from `margin` below its median, at most `span` below the peak, to the peak.
+
+    They span at least 20 dB, so that noise alone stays dark.
+    """
+    finite = level[np.isfinite(level)]
+    if finite.size == 0:
+        return -20.0, 0.0
+    top = float(np.ceil(finite.max()))
+    low = max(float(np.median(finite)) - margin, top - span)
+    return min(low, top - 20.0), top
+
+
+def edges(centres: FloatArray) -> FloatArray:
+    """(n + 1,) cell borders halfway between `centres` (n,)."""
+    if len(centres) == 1:
+        return np.array([centres[0] - 0.5, centres[0] + 0.5])
+    inner = (centres[1:] + centres[:-1]) / 2
+    return np.concatenate([[2 * centres[0] - inner[0]], inner, [2 * centres[-1] - inner[-1]]])
 
 
 def draw_pir(figure: Figure, axes: tuple[Axes, Axes, Axes], pir: Pir) -> None:
-    """Energy, time of arrival and velocity, left and top as the radar sees them."""
-    seen = pir.energy > 0
-    energy = np.where(seen, decibel(np.where(seen, pir.energy, 1.0)), np.nan)
+    """Energy, time of arrival and velocity images, left and up as seen from the radar."""
+    there = pir.energy > 0
+    energy = np.where(there, decibel(np.where(there, pir.energy, 1.0)), np.nan)
     low, high = level_limits(energy, 60.0, margin=15.0)
-    limit = _symmetric(pir.velocity[seen])
+    limit = _symmetric(pir.velocity[there])
     pictures = (
         ("PIR energy", "|path gain|² [dB]", energy, LEVEL_MAP, low, high),
         ("PIR time of arrival", "round trip [ns]", pir.time_of_arrival * 1e9, DELAY_MAP, None, None),
-        ("PIR velocity", "radial velocity [m/s]", np.where(seen, pir.velocity, np.nan), VELOCITY_MAP, -limit, limit),
+        ("PIR velocity", "radial velocity [m/s]", np.where(there, pir.velocity, np.nan), VELOCITY_MAP, -limit, limit),
     )
     flat = pir.projection == "perspective"
     half = [np.tan(np.radians(fov / 2)) if flat else fov / 2 for fov in pir.fov_deg]
@@ -53,7 +100,7 @@ def draw_pir(figure: Figure, axes: tuple[Axes, Axes, Axes], pir: Pir) -> None:
 
 
 def draw_range_doppler(figure: Figure, axes: Axes, view: FrameView, far: float, top: float | None = None) -> None:
-    """Level against radial velocity and range; `top` [dBm] fixes the upper end of the colours."""
+    """Level over radial velocity and range up to `far` [m]; `top` [dBm] fixes the upper end of the colours."""
     rows = view.range <= far
     level = view.range_doppler[rows]
     low, high = level_limits(level)
@@ -69,7 +116,7 @@ def draw_range_doppler(figure: Figure, axes: Axes, view: FrameView, far: float, 
 
 
 def draw_azimuth(figure: Figure, axes: Axes, view: FrameView, far: float) -> None:
-    """Power over the floor in metres, left on the left; the moving detections are marked."""
+    """Power over the floor, left on the left, up to `far` [m]; moving detections are marked."""
     azimuth, points = view.azimuth, view.cloud.device
     rows = azimuth.range <= far
     level = watts_to_dbm(azimuth.power[rows])
@@ -79,10 +126,10 @@ def draw_azimuth(figure: Figure, axes: Axes, view: FrameView, far: float) -> Non
         distance * np.sin(angle), distance * np.cos(angle), level, cmap=LEVEL_MAP, vmin=low, vmax=high, rasterized=True
     )
     axes.set_facecolor("#000004")
-    shown = np.linalg.norm(points, axis=1) <= far
-    if np.any(shown):
+    near = np.linalg.norm(points, axis=1) <= far
+    if np.any(near):
         axes.scatter(
-            points[shown, 1], points[shown, 0], s=14, facecolors="none", edgecolors=ACCENT, linewidths=0.6,
+            points[near, 1], points[near, 0], s=14, facecolors="none", edgecolors=ACCENT, linewidths=0.6,
             label="moving detections",
         )  # fmt: skip
         axes.legend(loc="lower left", fontsize=7, frameon=False, labelcolor="white", handletextpad=0.2)
@@ -96,14 +143,10 @@ def draw_azimuth(figure: Figure, axes: Axes, view: FrameView, far: float) -> Non
 
 
 def draw_range_time(figure: Figure, axes: Axes, run: Run, view: RunView, far: float) -> None:
-    """Range profiles of what moves, with the labelled distance of the actors."""
-    seen = view.range_time
-    rows = seen.range <= far
-    level = watts_to_dbm(seen.power[:, rows].T)
-    low, high = level_limits(level, 45.0)
-    drawn = axes.pcolormesh(
-        edges(seen.time), edges(seen.range[rows]), level, cmap=LEVEL_MAP, vmin=low, vmax=high, rasterized=True
-    )
+    """Moving part of the range profiles over time, up to `far` [m], with the labelled distances."""
+    spectrum = view.range_time
+    rows = spectrum.range <= far
+    drawn = _over_time(axes, spectrum.time, spectrum.range[rows], watts_to_dbm(spectrum.power[:, rows].T))
     titled(axes, "Range–time", "static removed")
     plain(axes, "time [s]", "range [m]")
     axes.set_ylim(0, far)
@@ -112,19 +155,20 @@ def draw_range_time(figure: Figure, axes: Axes, run: Run, view: RunView, far: fl
 
 
 def draw_doppler_time(figure: Figure, axes: Axes, run: Run, view: RunView) -> None:
-    """Doppler spectra of what moves against time; the note says how the time is cut."""
-    seen = view.doppler_time
-    level = watts_to_dbm(seen.power.T)
-    low, high = level_limits(level, 45.0)
-    drawn = axes.pcolormesh(
-        edges(seen.time), edges(seen.velocity), level, cmap=LEVEL_MAP, vmin=low, vmax=high, rasterized=True
-    )
-    span = f"{seen.duration * 1e3:.1f} ms"
+    """Moving part of the Doppler spectra over time, with the labelled radial velocities."""
+    spectrum = view.doppler_time
+    drawn = _over_time(axes, spectrum.time, spectrum.velocity, watts_to_dbm(spectrum.power.T))
+    span = f"{spectrum.duration * 1e3:.1f} ms"
     note = f"one spectrum a frame, {span} each" if view.per_frame else f"short-time transform, windows of {span}"
     titled(axes, "Doppler–time", f"{note}, static removed")
     plain(axes, "time [s]", "radial velocity [m/s]")
     _truth(axes, run, "radial_velocity")
     scale(figure, drawn, axes, "power over all ranges [dBm]")
+
+
+def _over_time(axes: Axes, time: FloatArray, values: FloatArray, level: FloatArray) -> Collection:
+    low, high = level_limits(level, 45.0)
+    return axes.pcolormesh(edges(time), edges(values), level, cmap=LEVEL_MAP, vmin=low, vmax=high, rasterized=True)
 
 
 def _truth(axes: Axes, run: Run, label: str) -> None:
@@ -138,7 +182,7 @@ def _truth(axes: Axes, run: Run, label: str) -> None:
 
 
 def _symmetric(velocity: FloatArray) -> float:
-    """Limit [m/s] that holds nearly all velocities, rounded up to 0.5."""
+    """Limit [m/s] of nearly all velocities, rounded up to 0.5."""
     finite = np.abs(velocity[np.isfinite(velocity)])
     largest = float(np.quantile(finite, 0.999)) if finite.size else 0.0
     return max(0.5, np.ceil(2 * largest) / 2)

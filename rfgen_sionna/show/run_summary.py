@@ -1,4 +1,4 @@
-"""A run in words."""
+"""Summary of a run as text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rfgen_sionna.show.run_view import opened
 
 
 def radar_line(run: Run) -> str:
-    """One line about the radar's configuration."""
+    """The radar's configuration in one line."""
     radar = run.radar
     wave = radar.waveform
     low, high = wave.sampled_band
@@ -28,7 +28,7 @@ def radar_line(run: Run) -> str:
 
 
 def summary(run: Run | str | os.PathLike[str]) -> str:
-    """Summary of a run file in a few lines of plain text."""
+    """Summary of a run, open or given by its path: contents, sizes and seeds, a few lines of plain text."""
     with opened(run) as source:
         radar, times = source.radar, source.frame_times
         seeds = ", ".join(f"{name} {'-' if seed is None else seed}" for name, seed in source.seeds.items())

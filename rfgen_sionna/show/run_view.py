@@ -22,12 +22,12 @@ from rfgen_sionna.radar import Radar
 
 
 class NoPictureError(ValueError):
-    """A run whose samples have no picture of the kind that was asked for."""
+    """The run's samples have no such picture."""
 
 
 @contextmanager
 def opened(run: Run | str | os.PathLike[str]) -> Iterator[Run]:
-    """A run given as such or by its path; one that was opened here is closed again."""
+    """Context of an open run or of the run at a path, which is closed at the end."""
     if isinstance(run, Run):
         yield run
     else:
@@ -36,21 +36,19 @@ def opened(run: Run | str | os.PathLike[str]) -> Iterator[Run]:
 
 
 def check_frame(run: Run, frame: int) -> int:
-    """`frame` as an index from 0; negative ones count from the end."""
+    """`frame` as an index from 0, from the end if negative; ValueError if the run has no such frame."""
     if isinstance(frame, bool) or not isinstance(frame, int | np.integer) or not -len(run) <= frame < len(run):
         raise ValueError(f"frame is {frame!r}; '{run.path}' has the frames 0 … {len(run) - 1}")
     return int(frame) % len(run)
 
 
 def displayed_samples(run: Run, samples: ArrayLike) -> tuple[NDArray[np.complexfloating[Any, Any]], Radar]:
-    """The samples (..., chirp, tx, rx, sample) that pictures are made of, and their radar.
-
-    Of several profiles that is the first; of several beams the first. A constant frequency has no picture.
+    """Samples (..., chirp, tx, rx, sample) for pictures, and their radar: the first profile, the first beam.
 
     Raises
     ------
     NoPictureError
-        If the chirps tell no ranges.
+        If the frequency is constant.
     """
     array, radar = np.asarray(samples), run.radar
     if radar.waveform.other_profiles:
@@ -59,29 +57,29 @@ def displayed_samples(run: Run, samples: ArrayLike) -> tuple[NDArray[np.complexf
         array, radar = select_slot(array, radar, 0)
     if radar.waveform.slope == 0:
         raise NoPictureError(
-            f"'{run.path}': radar '{radar.name}' with preset '{radar.preset}' keeps its frequency and tells no ranges: "
-            "there are no pictures of it; processing.range_doppler and micro_doppler give velocities"
+            f"'{run.path}': radar '{radar.name}' with preset '{radar.preset}' has a constant frequency and no ranges: "
+            "it has no pictures; processing.range_doppler and micro_doppler give velocities"
         )
     return array, radar
 
 
 @dataclass(frozen=True)
 class RunView:
-    """Spectrograms of the whole run; what does not move within a frame is taken out."""
+    """Spectrograms of a whole run, static returns removed."""
 
     range_time: RangeTime
     doppler_time: DopplerTime
     per_frame: bool
-    """Whether the Doppler-time picture has one column a frame (frames with pauses between them)."""
+    """Whether the Doppler-time picture has one column a frame (pauses between frames)."""
     most_active_frame: int
-    """Frame with the fastest motion: the largest mean speed, weighted with the power above the noise."""
+    """Frame with the largest mean speed, weighted with the power above the noise."""
 
 
 def view_run(run: Run) -> RunView:
-    """Spectrograms, one frame in memory at a time."""
+    """Spectrograms of a run."""
     radar, times = displayed_samples(run, run.adc[:1])[1], run.frame_times
     gaps = np.diff(times)
-    # With pauses a short-time transform has no windows to fill them: one spectrum a frame then says it all.
+    # One spectrum a frame where a short-time transform would have empty windows in the pauses.
     per_frame = len(times) > 1 and bool(np.any(gaps > 1.05 * radar.waveform.frame_length))
     if per_frame:
         ranges, dopplers = [], []
@@ -105,44 +103,39 @@ def view_run(run: Run) -> RunView:
     return RunView(distance, doppler, per_frame, _most_active_frame(doppler, times))
 
 
-def _most_active_frame(seen: DopplerTime, times: FloatArray) -> int:
-    power = np.maximum(seen.power - 3 * np.median(seen.power, axis=1, keepdims=True), 0.0)
-    # Columns without motion have no mean speed; the run's peak keeps their noise out.
+def _most_active_frame(spectrum: DopplerTime, times: FloatArray) -> int:
+    power = np.maximum(spectrum.power - 3 * np.median(spectrum.power, axis=1, keepdims=True), 0.0)
+    # A thousandth of the run's peak suppresses the noise of columns without motion.
     weight = power.sum(axis=1) + 1e-3 * power.sum(axis=1).max() + np.finfo(float).tiny
-    speed = power @ np.abs(seen.velocity) / weight
-    return int(np.searchsorted(times, seen.time[speed.argmax()], side="right")) - 1
+    speed = power @ np.abs(spectrum.velocity) / weight
+    return int(np.searchsorted(times, spectrum.time[speed.argmax()], side="right")) - 1
 
 
 @dataclass(frozen=True)
 class FrameView:
-    """One frame, processed."""
+    """Processed data of one frame."""
 
     range_doppler: FloatArray
     """(range, velocity) level [dBm], mean over the channels."""
     static: bool
-    """Whether that map includes what does not move."""
+    """Whether the maps include static returns."""
     range: FloatArray
     """(range,) [m]"""
     velocity: FloatArray
     """(velocity,) [m/s]"""
     azimuth: RangeAzimuth
-    """With or without what does not move, as `static` says."""
     cloud: PointCloud
-    """Detections that move."""
+    """Moving detections."""
 
 
 def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
-    """Range-Doppler and range-azimuth maps and the point cloud of one frame; `static` keeps what does not move."""
+    """Range-Doppler and range-azimuth maps and the point cloud of one frame; `static` keeps static returns."""
     samples, radar = displayed_samples(run, run.adc[frame])
-    # As long as the map allows: frames may be short.
+    # At most 12 training cells, fewer in short frames.
     train = (min(12, (samples.shape[-1] - 1) // 4), 0)
     guard = (train[0] // 3, 0)
     maps = range_doppler(
-        samples,
-        radar,
-        static=static,
-        velocity_bins=2 * samples.shape[0],
-        range_bins=2 * samples.shape[3],
+        samples, radar, static=static, velocity_bins=2 * samples.shape[0], range_bins=2 * samples.shape[3]
     )
     return FrameView(
         range_doppler=watts_to_dbm(maps.power),
@@ -150,7 +143,7 @@ def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
         range=maps.range,
         velocity=maps.velocity,
         azimuth=range_azimuth(samples, radar, static=static),
-        # A body fills many range cells but few at one speed: order statistics along range alone keep its parts apart.
+        # A body fills many range cells, few of them at one speed: order statistics along range separate its parts.
         cloud=point_cloud(
             samples, radar, method="os", guard=guard, train=train, dynamic_range_db=45.0, window="blackman"
         ),
@@ -158,7 +151,7 @@ def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
 
 
 def display_range(run: Run, frame: int) -> float:
-    """Largest range in the pictures [m]: to the farthest return of the PIR, else past the actors, else the radar's."""
+    """Largest range in pictures [m]: of the PIR's farthest return, else beyond the actors, else the radar's."""
     limit = run.radar.max_range
     if run.has_pir:
         delay = run.pir(frame).time_of_arrival

@@ -1,4 +1,4 @@
-"""The scene in three dimensions: shaded meshes, the point cloud, the radar."""
+"""Three-dimensional plot of a frame: shaded meshes, point cloud, radar."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.dataset import ActorRecord, Run
 from rfgen_sionna.processing.pointcloud import PointCloud
-from rfgen_sionna.show.style import ACCENT, INK, MUTED, VELOCITY_MAP, titled
+from rfgen_sionna.show.panels import ACCENT, INK, MUTED, VELOCITY_MAP, titled
 
 BODY_COLOUR = np.array([0.72, 0.76, 0.81])
 
 
 @dataclass(frozen=True)
 class DecimatedMesh:
-    """A mesh thinned for drawing: vertices that start within one cell are drawn as one."""
+    """Mesh decimated by vertex clustering: vertices within one cell of a grid become one."""
 
     group: NDArray[np.int64]
-    """(vertex,) number of each vertex' group."""
+    """(vertex,) number of each vertex' cluster."""
     faces: NDArray[np.int64]
-    """(face, 3) numbers of groups."""
+    """(face, 3) numbers of clusters."""
 
     @classmethod
     def of(cls, actor: ActorRecord, most: int = 6000) -> DecimatedMesh:
-        """At most about `most` faces; the mesh as it is where it has no more."""
+        """Decimated mesh of an actor with at most `most` faces."""
         vertices = actor.vertices(0).astype(np.float64)
         cell = 0.0
         group = np.arange(len(vertices))
@@ -54,14 +54,14 @@ class DecimatedMesh:
 
 @dataclass(frozen=True)
 class PlotLimits:
-    """Limits of the picture [m], the same for all frames of a run."""
+    """Limits of the axes [m], the same for all frames of a run."""
 
     low: FloatArray
     high: FloatArray
 
     @classmethod
     def of(cls, run: Run) -> PlotLimits:
-        """Around the radar and everything the actors reach."""
+        """Limits around the radar and the actors in all frames."""
         places = [np.asarray(run.radar.position, np.float64)[None]]
         for actor in run.actors.values():
             places += [actor.vertices(frame).astype(np.float64) for frame in range(len(run))]
@@ -73,7 +73,6 @@ class PlotLimits:
         margin = np.maximum(0.25, (1.2 - (high - low)) / 2)
         floor = min(low[2], 0.0)
         low, high = low - margin, high + margin
-        # People stand on something.
         low[2] = floor
         return cls(low, high)
 
@@ -83,17 +82,35 @@ def draw_scene(
     axes: Axes3D,
     run: Run,
     frame: int,
-    cloud: PointCloud | None,
+    cloud: PointCloud,
     *,
-    stage: PlotLimits,
+    limits: PlotLimits,
     meshes: dict[str, DecimatedMesh],
     speed: float,
     zoom: float = 1.15,
 ) -> None:
-    """Meshes and radar of one frame, and what the radar found: colour is radial velocity up to ±`speed` [m/s]."""
+    """Meshes, radar and point cloud of one frame; colours are radial velocities up to ±`speed` [m/s].
+
+    Parameters
+    ----------
+    figure, axes
+        Figure and three-dimensional axes.
+    run, frame
+        The run and the number of the frame.
+    cloud
+        Detections.
+    limits
+        Limits of the axes.
+    meshes
+        Decimated meshes by the actors' names.
+    speed
+        Limit of the velocity colours [m/s].
+    zoom
+        Size of the plot in its axes.
+    """
     radar = run.radar
     yaw = np.degrees(radar.orientation[0])
-    # From behind the radar and above, a little to its right: left of the radar is left in the picture.
+    # From behind and above, a little to the right of the radar: its left is left in the picture.
     axes.view_init(elev=20, azim=float(yaw + 180 + 35))
     for actor in run.actors.values():
         _mesh(axes, meshes[actor.name].corners(actor.vertices(frame)))
@@ -102,23 +119,18 @@ def draw_scene(
     axes.plot(*np.stack([here, ahead], axis=1), color=ACCENT, linewidth=1.6, zorder=4)
     axes.scatter(*here[:, None], s=34, marker="s", color=INK, zorder=5, depthshade=False)
     axes.text(here[0], here[1], here[2] + 0.12, radar.name, fontsize=7.5, color=INK, ha="center", zorder=6)
-    inside = np.zeros(0, bool)
-    if cloud is not None:
-        inside = np.all((cloud.position >= stage.low) & (cloud.position <= stage.high), axis=1)
-        size = 7 + 1.1 * np.clip(cloud.snr_db[inside] - 10, 0, 30)
-        drawn = axes.scatter(
-            *cloud.position[inside].T, s=size, c=cloud.velocity[inside], cmap=VELOCITY_MAP,
-            norm=Normalize(-speed, speed), edgecolors=INK, linewidths=0.35, depthshade=False, zorder=7,
-        )  # fmt: skip
-        below = figure.colorbar(drawn, ax=axes, location="bottom", shrink=0.45, aspect=30, pad=0.02)
-        below.set_label("radial velocity [m/s]", fontsize=8, color=INK)
-        below.ax.tick_params(labelsize=7.5, colors=INK, width=0.5, length=2.5)
-        below.outline.set_linewidth(0.5)
-    _frame_axes(axes, stage, zoom)
-    if cloud is None:
-        titled(axes, "Scene")
-    else:
-        titled(axes, "Point cloud and mesh", f"{int(inside.sum())} moving points, size: SNR")
+    inside = np.all((cloud.position >= limits.low) & (cloud.position <= limits.high), axis=1)
+    size = 7 + 1.1 * np.clip(cloud.snr_db[inside] - 10, 0, 30)
+    drawn = axes.scatter(
+        *cloud.position[inside].T, s=size, c=cloud.velocity[inside], cmap=VELOCITY_MAP,
+        norm=Normalize(-speed, speed), edgecolors=INK, linewidths=0.35, depthshade=False, zorder=7,
+    )  # fmt: skip
+    below = figure.colorbar(drawn, ax=axes, location="bottom", shrink=0.45, aspect=30, pad=0.02)
+    below.set_label("radial velocity [m/s]", fontsize=8, color=INK)
+    below.ax.tick_params(labelsize=7.5, colors=INK, width=0.5, length=2.5)
+    below.outline.set_linewidth(0.5)
+    _frame_axes(axes, limits, zoom)
+    titled(axes, "Point cloud and mesh", f"{int(inside.sum())} moving points, size: SNR")
 
 
 def _mesh(axes: Axes3D, corners: FloatArray) -> None:
@@ -136,17 +148,17 @@ def _mesh(axes: Axes3D, corners: FloatArray) -> None:
     )
 
 
-def _frame_axes(axes: Axes3D, stage: PlotLimits, zoom: float) -> None:
+def _frame_axes(axes: Axes3D, limits: PlotLimits, zoom: float) -> None:
     axes.computed_zorder = False
-    axes.set_xlim(stage.low[0], stage.high[0])
-    axes.set_ylim(stage.low[1], stage.high[1])
-    axes.set_zlim(stage.low[2], stage.high[2])
-    axes.set_box_aspect(tuple(stage.high - stage.low), zoom=zoom)
+    axes.set_xlim(limits.low[0], limits.high[0])
+    axes.set_ylim(limits.low[1], limits.high[1])
+    axes.set_zlim(limits.low[2], limits.high[2])
+    axes.set_box_aspect(tuple(limits.high - limits.low), zoom=zoom)
     for index, (name, axis) in enumerate((("x", axes.xaxis), ("y", axes.yaxis), ("z", axes.zaxis))):
         axis.set_pane_color((0.955, 0.962, 0.97, 1.0))
         axis.set_label_text(f"{name} [m]", fontsize=8, color=INK)
         axis.set_tick_params(labelsize=7, colors=MUTED, pad=-2)
         axis.labelpad = -4
-        axis.set_major_locator(MultipleLocator(0.5 if stage.high[index] - stage.low[index] < 2.5 else 1.0))
+        axis.set_major_locator(MultipleLocator(0.5 if limits.high[index] - limits.low[index] < 2.5 else 1.0))
         axis.line.set_color(MUTED)
         axis._axinfo["grid"].update(color="#d4dae0", linewidth=0.5)  # mplot3d has no public setter

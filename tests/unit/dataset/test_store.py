@@ -104,16 +104,6 @@ def test_it_opens_in_xarray(tmp_path, write, frame, options):
         assert tree["labels/position"].sel(actor="ball", axis="z").shape == (3,)
 
 
-@pytest.mark.parametrize("compression", ["gzip", "lzf"])
-def test_compression_changes_the_size_only(tmp_path, write, compression):
-    with h5py.File(write(tmp_path / "run.h5", compression=compression)) as file:
-        assert file["adc"].compression == compression
-    with open_run(tmp_path / "run.h5") as run, open_run(write(tmp_path / "plain.h5")) as plain:
-        np.testing.assert_array_equal(run.adc[:], plain.adc[:])
-    with pytest.raises(ValueError, match="compression is 'zip'; allowed: None, 'gzip', 'lzf'"):
-        write(tmp_path / "other.h5", compression="zip")
-
-
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
 def test_an_interrupted_run_leaves_nothing(tmp_path, info, frame, error):
     def interrupted():

@@ -35,16 +35,23 @@ def test_a_small_mesh_stays_as_it_is():
     np.testing.assert_allclose(corners, box.vertices[box.faces])
 
 
-def test_the_stage_holds_radar_and_actors_and_left_is_left(run):
-    stage = PlotLimits.of(run)
+def test_the_limits_hold_radar_and_actors_and_left_is_left(run):
+    limits = PlotLimits.of(run)
     for place in (run.radar.position, *run.actors["ball"].vertices(3)):
-        assert np.all(place >= stage.low)
-        assert np.all(place <= stage.high)
+        assert np.all(place >= limits.low)
+        assert np.all(place <= limits.high)
     figure = Figure()
     axes = figure.add_subplot(projection="3d")
     view = view_frame(run, 0)
     draw_scene(
-        figure, axes, run, 0, view.cloud, stage=stage, meshes={"ball": DecimatedMesh.of(run.actors["ball"])}, speed=1.0
+        figure,
+        axes,
+        run,
+        0,
+        view.cloud,
+        limits=limits,
+        meshes={"ball": DecimatedMesh.of(run.actors["ball"])},
+        speed=1.0,
     )
     figure.draw_without_rendering()
     here, left, right = (proj3d.proj_transform(2.5, y, 1.2, axes.get_proj())[0] for y in (0.0, 1.0, -1.0))

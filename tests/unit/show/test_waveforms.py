@@ -61,9 +61,9 @@ def test_a_constant_frequency_has_no_pictures(tmp_path):
     written(path, "position2go", "doppler")
     with open_run(path) as run:
         assert "cell 64.7 cm/s" in summary(run)
-        with pytest.raises(ValueError, match=r"run\.h5'.*preset 'doppler' keeps its frequency"):
+        with pytest.raises(ValueError, match=r"run\.h5'.*preset 'doppler' has a constant frequency"):
             view_frame(run, 0)
-        with pytest.raises(ValueError, match="keeps its frequency"):
+        with pytest.raises(ValueError, match="has a constant frequency"):
             view_run(run)
 
 
