@@ -96,13 +96,8 @@ class CurvedReflections:
         unoccluded: Callable[[], NDArray[np.int64]],
         still: bool = False,
     ) -> None:
-        self._surfaces, self._radar, self._rtol, self._reflectors, self._visible_static = (
-            surfaces,
-            radar,
-            rtol,
-            reflectors,
-            unoccluded,
-        )
+        self._surfaces, self._radar, self._rtol = surfaces, radar, rtol
+        self._reflectors, self._visible_static = reflectors, unoccluded
         self._every: tuple[Surface, ...] = (*surfaces.static, *surfaces.moving)
         self._elements = ArrayElements.of(radar)
         self._half_band = 0.5 * radar.waveform.bandwidth
@@ -127,21 +122,12 @@ class CurvedReflections:
             wanted[some] = bent[some]
         if not (wanted & self._required).any():
             return DoubleBounceVisibility(DoubleBounces.none(), np.zeros(0), 0, 0)
-        limits = self._radar.max_range, self._radar.wavelength
-        search = DoubleBounceSearch(
-            surface_model,
-            rays,
-            self._elements.position,
-            wanted,
-            *limits,
-            self._required,
-            lambda facet: self._curvatures(surface_model, facet),
-        )
+        source, limits = self._elements.position, (self._radar.max_range, self._radar.wavelength)
+        given = surface_model, rays, source, wanted, *limits, self._required
+        search = DoubleBounceSearch(*given, lambda facet: self._curvatures(surface_model, facet))
         found = search.find()
-        stationary_phase_error = stationary_phase_errors(
-            found, self._middle(found), self._elements.position, 2 * np.pi / self._radar.wavelength, rays
-        )
-        return DoubleBounceVisibility(found, stationary_phase_error, int(wanted.sum()), search.sent)
+        error = stationary_phase_errors(found, self._middle(found), source, 2 * np.pi / self._radar.wavelength, rays)
+        return DoubleBounceVisibility(found, error, int(wanted.sum()), search.sent)
 
     def trace(
         self,

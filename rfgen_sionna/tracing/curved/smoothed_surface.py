@@ -42,7 +42,26 @@ class SmoothedSurface:
     def one(surface: Surface, vertices: FloatArray, like: SmoothedSurface | None = None) -> SmoothedSurface:
         """Of one surface with `vertices` (vertex, 3) [m]; `like` is the same surface at another time, for its
         sheets."""
-        return _smoothed(surface, np.asarray(vertices, np.float64), like)
+        faces = surface.faces
+        vertices = np.asarray(vertices, np.float64)
+        corners = vertices[faces]
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        face_normal = cross / np.maximum(lengths(cross), 1e-300)[:, None]
+        if surface.smooth is None:
+            normals, sagittas = np.repeat(face_normal[:, None], 3, axis=1), np.zeros_like(corners)
+        else:
+            normals = surface.smooth.normals(vertices, faces)
+            sagittas = edge_sagittas(corners, normals)
+        if like is not None:
+            return SmoothedSurface(corners, normals, sagittas, like.sheet, like.plane)
+        sheet = _smooth_sheets(vertices, faces, face_normal)
+        count = int(sheet.max()) + 1
+        turn = np.ones(count)
+        first = np.zeros((count, 3))
+        first[sheet[::-1]] = face_normal[::-1]
+        for corner in range(3):
+            np.minimum.at(turn, sheet, np.abs(np.einsum("fi,fi->f", first[sheet], normals[:, corner])))
+        return SmoothedSurface(corners, normals, sagittas, sheet, turn > np.cos(_FLAT))
 
     @staticmethod
     def some(surfaces: Sequence[Surface], vertices: Sequence[FloatArray], facet: NDArray[np.int64]) -> SmoothedSurface:
@@ -88,28 +107,6 @@ def tangential(curvature: FloatArray, normal: FloatArray) -> FloatArray:
     """(n, 3, 3) tensors projected across `normal` (n, 3)."""
     flat = np.eye(3) - normal[:, :, None] * normal[:, None, :]
     return np.asarray(flat @ curvature @ flat)
-
-
-def _smoothed(surface: Surface, vertices: FloatArray, like: SmoothedSurface | None = None) -> SmoothedSurface:
-    faces = surface.faces
-    corners = vertices[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    face_normal = cross / np.maximum(lengths(cross), 1e-300)[:, None]
-    if surface.smooth is None:
-        normals, sagittas = np.repeat(face_normal[:, None], 3, axis=1), np.zeros_like(corners)
-    else:
-        normals = surface.smooth.normals(vertices, faces)
-        sagittas = edge_sagittas(corners, normals)
-    if like is not None:
-        return SmoothedSurface(corners, normals, sagittas, like.sheet, like.plane)
-    sheet = _smooth_sheets(vertices, faces, face_normal)
-    count = int(sheet.max()) + 1
-    turn = np.ones(count)
-    first = np.zeros((count, 3))
-    first[sheet[::-1]] = face_normal[::-1]
-    for corner in range(3):
-        np.minimum.at(turn, sheet, np.abs(np.einsum("fi,fi->f", first[sheet], normals[:, corner])))
-    return SmoothedSurface(corners, normals, sagittas, sheet, turn > np.cos(_FLAT))
 
 
 def corner_curvatures(surface: Surface, corners: FloatArray, normals: FloatArray, face: NDArray[np.intp]) -> FloatArray:

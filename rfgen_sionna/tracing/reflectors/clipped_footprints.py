@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,12 +109,11 @@ class ReflectedFacets(MirroredFacets):
         """Facets by sorted `keys` (facet, 3); other entries of `footprints` are left out. `swapped` has the legs in
         reverse order. `place` (entry,) is the row of each entry in `keys`, None finds it."""
         chosen = facets.take(keys[:, 0]).with_pattern_gradient(None)
-        base = {each.name: getattr(chosen, each.name) for each in fields(Facets)}
         first, last = (keys[:, column].astype(np.int32) for column in ((2, 1) if swapped else (1, 2)))
         at = (_find_rows(keys, footprints.keys) if place is None else place)[footprints.owner]
         kept = at >= 0
         return ReflectedFacets(
-            **base,
+            **columns(chosen, Facets),
             first=first,
             last=last,
             pieces=footprints.pieces[kept],
@@ -138,11 +137,16 @@ class ReflectedFacets(MirroredFacets):
         kept = owner >= 0
         chosen = super().take(index)
         return ReflectedFacets(
-            **{each.name: getattr(chosen, each.name) for each in fields(MirroredFacets)},
+            **columns(chosen, MirroredFacets),
             pieces=self.pieces[kept],
             owner=owner[kept],
             share=self.share[kept],
         )
+
+
+def columns(record: Any, kind: type) -> dict[str, Any]:
+    """Fields of a dataclass `kind` in a `record`."""
+    return {each.name: getattr(record, each.name) for each in fields(kind)}
 
 
 def _find_rows(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.intp]:
@@ -174,8 +178,7 @@ class ReflectedBand(ImageBand):
     ) -> FacetGains:
         from scipy.sparse import csr_array
 
-        if not isinstance(facets, ReflectedFacets):
-            raise TypeError(f"facets is a {type(facets).__name__}: ReflectedFacets are needed")
+        facets = cast(ReflectedFacets, facets)
         owner = facets.owner
         media, parts = Media.at(materials, nodes.frequency, self.half_band), facets.parts if parts is None else parts
         reference = facets.centroids - self._origin

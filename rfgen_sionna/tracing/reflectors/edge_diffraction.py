@@ -71,11 +71,8 @@ class EdgeDiffractionError:
 
     def __init__(self, radar: Radar, materials: Sequence[Material], tolerance_group: IntArray) -> None:
         self._view, self._wavelength = np.asarray(radar.position), radar.wavelength
-        self._frequency, self._materials, self._tolerance_group = (
-            radar.center_frequency,
-            tuple(materials),
-            tolerance_group,
-        )
+        self._frequency, self._materials = radar.center_frequency, tuple(materials)
+        self._tolerance_group = tolerance_group
         self._count = int(tolerance_group.max(initial=-1)) + 1
         self._gains = PatternGain(radar.pattern, radar.rotation).gains
         self._fields = radar.tx_field, radar.rx_field

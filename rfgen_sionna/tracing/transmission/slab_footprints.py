@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Self, cast
 
@@ -30,6 +30,7 @@ from rfgen_sionna.tracing.reflectors.clipped_footprints import (
     ClippedFootprints,
     ReflectedBand,
     ReflectedFacets,
+    columns,
     find_rows,
 )
 from rfgen_sionna.tracing.reflectors.footprint_clipper import MAX_IMAGES, FootprintClipper, FreeLegs
@@ -59,7 +60,7 @@ class SlabFootprints(ClippedFootprints):
     @classmethod
     def none(cls) -> Self:
         plain, crossed = ClippedFootprints.none(), np.zeros((0, LEGS, MAX_SLABS), np.int64)
-        return cls(**_columns(plain, ClippedFootprints), crossed=crossed, across=np.zeros((*crossed.shape, 3)))
+        return cls(**columns(plain, ClippedFootprints), crossed=crossed, across=np.zeros((*crossed.shape, 3)))
 
     def swapped(self) -> Self:
         """The same with both legs swapped."""
@@ -94,7 +95,7 @@ class SlabReflectedFacets(ReflectedFacets):
         depth = max(1, int((crossed != NO_SLAB).sum(axis=2).max(initial=0)))
         return [
             cls(
-                **_columns(ReflectedFacets.clipped(each, keys, footprints, swapped, place), ReflectedFacets),
+                **columns(ReflectedFacets.clipped(each, keys, footprints, swapped, place), ReflectedFacets),
                 crossed=crossed[:, legs, :depth],
                 across=across[:, legs, :depth],
             )
@@ -103,16 +104,12 @@ class SlabReflectedFacets(ReflectedFacets):
 
     def between(self, after: MirroredFacets, share: float) -> SlabReflectedFacets:
         """With slab normals at a `share` of the way to those of `after`."""
-        return replace(self, across=interpolated_normals(self.across, _through_slabs(after).across, share))
+        return replace(self, across=interpolated_normals(self.across, cast(SlabReflectedFacets, after).across, share))
 
     def take(self, index: NDArray[np.intp]) -> SlabReflectedFacets:
         """Facets by `index` without repeated ones."""
-        chosen = _columns(super().take(index), ReflectedFacets)
+        chosen = columns(super().take(index), ReflectedFacets)
         return SlabReflectedFacets(**chosen, crossed=self.crossed[index], across=self.across[index])
-
-
-def _columns(record: Any, kind: type) -> dict[str, Any]:
-    return {each.name: getattr(record, each.name) for each in fields(kind)}
 
 
 class SlabReflectedBand(ReflectedBand):
@@ -126,7 +123,7 @@ class SlabReflectedBand(ReflectedBand):
     def lengths(self, centroids: FloatArray, visible_facets: MirroredFacets) -> FloatArray:
         """(tx, rx, facet) delays [s] by `centroids` (facet, 3) [m, world] and the facets' mirrors, with those of the
         slabs."""
-        visible_facets = _through_slabs(visible_facets)
+        visible_facets = cast(SlabReflectedFacets, visible_facets)
         place, legs = centroids - self._origin, []
         for by, mirror, elements, first in (
             (self.tx, visible_facets.first, self._tx, 0),
@@ -147,7 +144,7 @@ class SlabReflectedBand(ReflectedBand):
         return np.asarray((legs[0][:, None] + legs[1]) / SPEED_OF_LIGHT)
 
     def _by(self, facets: MirroredFacets, nodes: Nodes, index: NDArray[np.intp] | slice) -> dict[str, Any]:
-        facets = _through_slabs(facets)
+        facets = cast(SlabReflectedFacets, facets)
 
         def of(leg: int) -> SlabStack | None:
             crossed = facets.crossed[:, leg]
@@ -159,18 +156,6 @@ class SlabReflectedBand(ReflectedBand):
 
         slab_stacks = SlabStacks(of(0), of(1)), SlabStacks(of(2), of(3))
         return {**super()._by(facets, nodes, index), "slab_stacks": slab_stacks}
-
-
-def _crossings(footprints: ClippedFootprints) -> SlabFootprints:
-    if not isinstance(footprints, SlabFootprints):
-        raise TypeError(f"landing is a {type(footprints).__name__}: a SlabFootprints is needed")
-    return footprints
-
-
-def _through_slabs(visible_facets: MirroredFacets) -> SlabReflectedFacets:
-    if not isinstance(visible_facets, SlabReflectedFacets):
-        raise TypeError(f"shown is a {type(visible_facets).__name__}: SlabReflectedFacets are needed")
-    return visible_facets
 
 
 class SlabFootprintClipper(FootprintClipper):
@@ -190,11 +175,8 @@ class SlabFootprintClipper(FootprintClipper):
 
     def __init__(self, slab_tracer: SlabTracer, through: FloatArray, least: float, *given: Any) -> None:
         super().__init__(*given)
-        self._slab_tracer, self._amplitude, self._least = (
-            slab_tracer,
-            np.append(through, 1.0),
-            least,
-        )  # last entry for NO_SLAB
+        self._slab_tracer, self._least = slab_tracer, least
+        self._amplitude = np.append(through, 1.0)  # last entry for NO_SLAB
 
     def clip_facets(self, index: NDArray[np.intp], first: int, last: int) -> SlabFootprints:
         """Visible parts of the facets `index` by the reflectors `first` and `last`, either of which may be `DIRECT`,
@@ -215,12 +197,12 @@ class SlabFootprintClipper(FootprintClipper):
 
     def left(self, footprints: ClippedFootprints) -> FloatArray:
         """(entry,) bound of the amplitude of both legs, at normal incidence."""
-        crossed = _crossings(footprints).crossed
+        crossed = cast(SlabFootprints, footprints).crossed
         return np.asarray(np.where(crossed >= 0, self._amplitude[crossed], 1.0).prod(axis=(1, 2)))
 
     def resample(self, rays: RayScene, pieces: ClippedFootprints, chosen: NDArray[np.intp]) -> tuple[FloatArray, int]:
         """As :meth:`.FootprintClipper.resample`; legs must cross the same slabs as before."""
-        pieces = _crossings(pieces)
+        pieces = cast(SlabFootprints, pieces)
         other = copy(self)
         other._slab_tracer = self._slab_tracer.with_rays(rays)
         share, entry = np.zeros(len(chosen)), pieces.owner[chosen]

@@ -8,7 +8,7 @@ silhouettes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, cast
 
@@ -33,6 +33,7 @@ from rfgen_sionna.tracing.integral.slabs import (
     interpolated_normals,
     normals_over_time,
 )
+from rfgen_sionna.tracing.reflectors.clipped_footprints import columns
 from rfgen_sionna.tracing.shadows.adaptive_sampling import clip_by_silhouettes
 from rfgen_sionna.tracing.shadows.lattices import inset_points
 from rfgen_sionna.tracing.shadows.return_bounds import max_returns
@@ -84,7 +85,7 @@ class TransmittedFacets(MirroredFacets):
         chosen = facets.take(keys[:, 0].astype(np.intp)).with_pattern_gradient(None)
         none = np.zeros(len(keys), np.int32)
         return cls(
-            **{each.name: getattr(chosen, each.name) for each in fields(Facets)},
+            **columns(chosen, Facets),
             first=none,
             last=none,
             crossed=keys[:, 1:].astype(np.int32),
@@ -93,9 +94,7 @@ class TransmittedFacets(MirroredFacets):
 
     def between(self, after: MirroredFacets, share: float) -> TransmittedFacets:
         """With slab normals at a `share` of the way to those of `after`."""
-        if not isinstance(after, TransmittedFacets):
-            raise TypeError(f"after is a {type(after).__name__}: TransmittedFacets are needed")
-        return replace(self, across=interpolated_normals(self.across, after.across, share))
+        return replace(self, across=interpolated_normals(self.across, cast(TransmittedFacets, after).across, share))
 
     def finer(self) -> tuple[Facets, NDArray[np.intp]]:
         """As of any facets; quarters of curved facets get normals at their own corners."""
@@ -116,7 +115,7 @@ class TransmittedFacets(MirroredFacets):
         """Facets by `index`."""
         chosen = super().take(index)
         return TransmittedFacets(
-            **{each.name: getattr(chosen, each.name) for each in fields(MirroredFacets)},
+            **columns(chosen, MirroredFacets),
             crossed=self.crossed[index],
             across=self.across[index],
         )
@@ -131,8 +130,7 @@ class TransmissionBand(ImageBand):
 
     def lengths(self, centroids: FloatArray, visible_facets: MirroredFacets) -> FloatArray:
         """(tx, rx, facet) delays [s] by `centroids` (facet, 3) [m, world], with those of the slabs."""
-        if not isinstance(visible_facets, TransmittedFacets):
-            raise TypeError(f"shown is a {type(visible_facets).__name__}: TransmittedFacets are needed")
+        visible_facets = cast(TransmittedFacets, visible_facets)
         place, legs, across = centroids - self._origin, [], unit(visible_facets.across.sum(axis=2))
         for elements in (self._tx, self._rx):
             offset = place - elements[:, None]
@@ -142,8 +140,7 @@ class TransmissionBand(ImageBand):
         return np.asarray((legs[0][:, None] + legs[1]) / SPEED_OF_LIGHT)
 
     def _by(self, facets: MirroredFacets, nodes: Nodes, index: NDArray[np.intp] | slice) -> dict[str, Any]:
-        if not isinstance(facets, TransmittedFacets):
-            raise TypeError(f"facets is a {type(facets).__name__}: TransmittedFacets are needed")
+        facets = cast(TransmittedFacets, facets)
         slab_stacks = SlabStacks(None, SlabStack(self._table, facets.crossed[index], facets.across[index]))
         return {"slab_stacks": (slab_stacks, slab_stacks)}
 
