@@ -387,20 +387,10 @@ class CurvedReflections:
             part[own] = self._every[number].parts[face[own]]
         several = len(gains) > 1
         return RadarPaths(
-            a=gains[0],
-            tau=tau,
-            tau_rate=rate,
-            times=knots,
-            frequency=self._radar.center_frequency,
-            direction=np.concatenate([first, last]),
-            arrival=np.concatenate([last, first]),
-            object_id=np.array([each.object_id for each in self._every], np.int32)[surface],
-            part_id=part,
-            kind=np.full(len(face), PathKind.MULTI_BOUNCE, np.uint8),
-            bounces=np.full(len(face), 2, np.uint8),
-            object_names=self._surfaces.object_names,
-            part_names=self._surfaces.part_names,
-            facet=face,
-            dispersion=gains[1:] if several else None,
-            half_band=self._half_band if several else 0.0,
-        )
+            a=gains[0], tau=tau, tau_rate=rate, times=knots, frequency=self._radar.center_frequency,
+            direction=np.concatenate([first, last]), arrival=np.concatenate([last, first]),
+            object_id=np.array([each.object_id for each in self._every], np.int32)[surface], part_id=part,
+            kind=np.full(len(face), PathKind.MULTI_BOUNCE, np.uint8), bounces=np.full(len(face), 2, np.uint8),
+            object_names=self._surfaces.object_names, part_names=self._surfaces.part_names, facet=face,
+            dispersion=gains[1:] if several else None, half_band=self._half_band if several else 0.0,
+        )  # fmt: skip

@@ -189,17 +189,10 @@ class ReflectedBand(ImageBand):
         def of(index: NDArray[np.intp] | slice, curved: bool, buffer: GainBuffer | None) -> FacetGains:
             whose = owner[index]
             return facet_gains(
-                facets.pieces[index] - self._origin,
-                facets.surface[whose],
-                media,
-                nodes,
-                *self.fields,
-                parts[whose],
-                reference=reference[whose],
-                patch=patch.take(index) if curved and patch is not None else None,
-                buffer=buffer,
-                **self._by(facets, nodes, whose),
-            )
+                facets.pieces[index] - self._origin, facets.surface[whose], media, nodes, *self.fields, parts[whose],
+                reference=reference[whose], patch=patch.take(index) if curved and patch is not None else None,
+                buffer=buffer, **self._by(facets, nodes, whose),
+            )  # fmt: skip
 
         found = split_by_curvature(None if facets.curved is None else facets.curved[owner], of)
         sums = csr_array((facets.share, (owner, np.arange(len(owner)))), shape=(len(facets), len(owner)))

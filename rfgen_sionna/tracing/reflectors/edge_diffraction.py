@@ -219,15 +219,9 @@ class EdgeDiffractionError:
             end = 2 * MAX_ZONES * np.sqrt(0.5 * self._wavelength * zone[:, 0]) / slant[line]
             begin = -end
         wave = self._across(
-            source,
-            other_source,
-            side[line],
-            foot,
-            buffer[line],
-            normal[line],
-            np.stack([begin, end], axis=1),
+            source, other_source, side[line], foot, buffer[line], normal[line], np.stack([begin, end], axis=1),
             density[which],
-        )
+        )  # fmt: skip
         scale = targets.weight[target][:, None] * step * np.sinc(slope * step / (2 * np.pi))
         value = wave * scale[which]
         index = (used // count * each + targets.group[target])[which[0]]

@@ -95,16 +95,9 @@ class PlanarPart:
         normal = normal if height > 0 else -normal
         place = used @ axes.T
         return PlanarReflector(
-            self.name,
-            self.material,
-            self.faces,
-            normal,
-            float(centre @ normal),
-            axes,
-            place.min(axis=0),
-            place.max(axis=0),
-            tuple(points[each] for each in self.windows),
-        )
+            self.name, self.material, self.faces, normal, float(centre @ normal), axes, place.min(axis=0),
+            place.max(axis=0), tuple(points[each] for each in self.windows),
+        )  # fmt: skip
 
     def triangles(self, points: FloatArray) -> FloatArray:
         """(triangle, 3, 3) [m] of its windows, with the surface's vertices at `points` (vertex, 3) [m]."""

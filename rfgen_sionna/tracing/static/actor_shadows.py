@@ -48,15 +48,10 @@ def cast_shadow(
         return np.broadcast_to(values, (*values.shape[:axis], count, *values.shape[axis + 1 :]))
 
     changing = replace(
-        chosen,
-        a=chosen.a * weight,
-        dispersion=None if chosen.dispersion is None else chosen.dispersion * weight,
-        tau=over_time(chosen.tau, 3),
-        tau_rate=over_time(chosen.tau_rate, 3),
-        times=knots,
-        direction=over_time(chosen.direction, 1),
-        arrival=over_time(chosen.arrival, 1),
-    )
+        chosen, a=chosen.a * weight, dispersion=None if chosen.dispersion is None else chosen.dispersion * weight,
+        tau=over_time(chosen.tau, 3), tau_rate=over_time(chosen.tau_rate, 3), times=knots,
+        direction=over_time(chosen.direction, 1), arrival=over_time(chosen.arrival, 1),
+    )  # fmt: skip
     return Shadow(changing, index), Shadow(_weighted(paths.select(steady), left[steady, :1] - 1.0), steady)
 
 

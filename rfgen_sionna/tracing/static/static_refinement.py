@@ -112,16 +112,10 @@ def refine_occlusion(
     )
     found = choose_refinement(
         LEAVE_ONE_OUT_SCALE * _single(static, some, left[some], integrated_visibility),
-        np.broadcast_to(_phasors(static.paths, some), (len(some), len(sample_times))),
-        left[some],
-        width,
-        np.ones(len(some), np.bool_),
-        np.zeros(len(some), np.intp),
-        np.array([static.level]),
-        rtol,
-        most,
+        np.broadcast_to(_phasors(static.paths, some), (len(some), len(sample_times))), left[some], width,
+        np.ones(len(some), np.bool_), np.zeros(len(some), np.intp), np.array([static.level]), rtol, most,
         together_skipped,
-    )
+    )  # fmt: skip
     found = found._replace(rest=np.hypot(found.rest, apart_skipped) / LEAVE_ONE_OUT_SCALE)
     if not len(found.facets):
         return nothing._replace(error=found.error())

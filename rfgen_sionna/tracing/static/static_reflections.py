@@ -190,18 +190,8 @@ def trace_static_reflections(
         return edges(planar_parts, reflectors, points, facets, owner[facets.number], area, left)
 
     return _integrate_reflections(
-        setup,
-        weighted,
-        facets,
-        surfaces,
-        radar,
-        static,
-        rtol,
-        clipper,
-        reflectors,
-        footprint_sets,
-        edge_error,
-    )
+        setup, weighted, facets, surfaces, radar, static, rtol, clipper, reflectors, footprint_sets, edge_error,
+    )  # fmt: skip
 
 
 def all_vertices(surfaces: Surfaces) -> list[FloatArray]:

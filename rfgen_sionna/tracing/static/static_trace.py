@@ -109,16 +109,9 @@ class StaticTrace:
         """Visibility without actors."""
         count = len(self.facets)
         return StaticVisibility(
-            np.ones(count),
-            np.zeros(0, np.intp),
-            np.zeros((0, 3, 3)),
-            None,
-            0.0,
-            np.zeros(count),
-            np.inf,
-            np.zeros((0, 0), np.complex128),
-            None,
-        )
+            np.ones(count), np.zeros(0, np.intp), np.zeros((0, 3, 3)), None, 0.0, np.zeros(count), np.inf,
+            np.zeros((0, 0), np.complex128), None,
+        )  # fmt: skip
 
     def behind(self, actors: Sequence[FloatArray]) -> NDArray[np.intp]:
         """Facets that the `actors`, each at (point, 3) [m], may occlude."""
@@ -156,23 +149,11 @@ class StaticTrace:
         some = np.flatnonzero(passed | (changed & now.any(axis=1)))
         chosen = index[some]
         found = sample_visibility(
-            rays,
-            self.viewpoint,
-            self.facets.corners[chosen],
-            self.facets.number[chosen],
-            now[some],
-            self.returns.wavenumber,
-            self.returns.rtol,
-            silhouette[some],
-            self.weight[chosen],
-            before=unoccluded[chosen],
-            level=self.returns.level,
-            moving=True,
-            places=guides.places[chosen],
-            occluded=guides.places[occluded],
-            reach=self.returns.band.reach,
-            occluder_distance=nearest,
-        )
+            rays, self.viewpoint, self.facets.corners[chosen], self.facets.number[chosen], now[some],
+            self.returns.wavenumber, self.returns.rtol, silhouette[some], self.weight[chosen],
+            before=unoccluded[chosen], level=self.returns.level, moving=True, places=guides.places[chosen],
+            occluded=guides.places[occluded], reach=self.returns.band.reach, occluder_distance=nearest,
+        )  # fmt: skip
         left[chosen] = found.fraction
         missed = SAFETY * float(np.linalg.norm(found.missed)) / self.returns.level if self.returns.level > 0 else 0.0
         nothing = np.zeros((0, 0), np.complex128)
@@ -279,30 +260,12 @@ def trace_static(
         gains[0] += np.sqrt(visible.fraction) * rough  # energy goes with the visible area
     tau = band.delays(facets.centroids)[..., None]
     paths = facet_paths(
-        surfaces.static,
-        facets,
-        np.array([0.0]),
-        gains[..., None],
-        tau,
-        np.zeros_like(tau),
-        facets.directions(viewpoint)[:, None],
-        band.centre,
-        band.half_band,
+        surfaces.static, facets, np.array([0.0]), gains[..., None], tau, np.zeros_like(tau),
+        facets.directions(viewpoint)[:, None], band.centre, band.half_band,
         (surfaces.object_names, surfaces.part_names),
-    )
+    )  # fmt: skip
     return StaticTrace(
-        paths,
-        facets,
-        visible.fraction,
-        rays,
-        viewpoint,
-        rays_sent,
-        float(np.hypot(found.total, SAFETY * visible.missed)),
-        found.scale,
-        found.level,
-        visible.whole,
-        visible.hidden,
-        visible.hidden_fraction,
-        rtol * resolution,
-        replace(returns, rough=rough),
-    )
+        paths, facets, visible.fraction, rays, viewpoint, rays_sent,
+        float(np.hypot(found.total, SAFETY * visible.missed)), found.scale, found.level, visible.whole, visible.hidden,
+        visible.hidden_fraction, rtol * resolution, replace(returns, rough=rough),
+    )  # fmt: skip

@@ -56,16 +56,11 @@ class StaticVisibility(NamedTuple):
         mine = chosen[self.owner]
         edges, correction = self.edges, self.boundary_correction
         return StaticVisibility(
-            np.where(chosen, self.left, 1.0),
-            self.owner[mine],
-            self.pieces[mine],
-            None if edges is None else edges.take(np.flatnonzero(chosen[edges.owner])),
-            self.missed,
-            self.silhouette,
-            self.nearest,
-            self.values[:, chosen[cut]] if self.values.size else self.values,
+            np.where(chosen, self.left, 1.0), self.owner[mine], self.pieces[mine],
+            None if edges is None else edges.take(np.flatnonzero(chosen[edges.owner])), self.missed, self.silhouette,
+            self.nearest, self.values[:, chosen[cut]] if self.values.size else self.values,
             None if correction is None else correction.take(np.flatnonzero(chosen[correction.owner])),
-        )
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -237,14 +232,7 @@ def find_visible_facets(
         )
     hidden = np.flatnonzero(found.fraction < 1)
     return VisibleStaticFacets(
-        visible,
-        np.concatenate([found.fraction[whole], np.ones(len(found.owner))]),
-        len(whole),
-        edges,
-        tiny,
-        facets.take(hidden),
-        found.fraction[hidden],
-        level,
-        float(np.hypot(missed, edge_error[0])),
+        visible, np.concatenate([found.fraction[whole], np.ones(len(found.owner))]), len(whole), edges, tiny,
+        facets.take(hidden), found.fraction[hidden], level, float(np.hypot(missed, edge_error[0])),
         sent + found.rays + slab_rays,
-    )
+    )  # fmt: skip

@@ -251,15 +251,9 @@ class SlabFootprintClipper(FootprintClipper):
         np.add.at(total, entry.reshape(-1), across)
         count = len(entries)
         return SlabFootprints(
-            entries[:, 0].astype(np.intp),
-            np.full(count, first, np.int32),
-            np.full(count, last, np.int32),
-            pieces[piece] + self._view,
-            entry.reshape(-1),
-            share,
-            entries[:, 1:].reshape(count, LEGS, MAX_SLABS),
-            total,
-        )
+            entries[:, 0].astype(np.intp), np.full(count, first, np.int32), np.full(count, last, np.int32),
+            pieces[piece] + self._view, entry.reshape(-1), share, entries[:, 1:].reshape(count, LEGS, MAX_SLABS), total,
+        )  # fmt: skip
 
     def _visibility(
         self, pieces: FloatArray, facet: NDArray[np.intp], first: int, last: int, weights: FloatArray
