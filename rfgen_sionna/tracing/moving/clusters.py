@@ -53,7 +53,8 @@ class FacetClusters:
     def __init__(self, band: BandTracer, viewpoint: FloatArray, rtol: float) -> None:
         self._band, self._viewpoint, self._rtol = band, viewpoint, rtol
         self.cluster_head: NDArray[np.intp] = np.zeros(0, np.intp)
-        """(facet,) the facet whose path each adds to: itself on rough surfaces, where each has a phase of its own."""
+        """(facet,) head of each facet's cluster: the facet itself on rough surfaces, as each facet has a phase of its
+        own."""
 
     def form(
         self,

@@ -1,4 +1,4 @@
-"""Facets and an expansion so fine that what moves returns directly is as accurate as the tolerance asks for."""
+"""Error control: facets and an expansion fine enough for the tolerance of direct returns."""
 
 from __future__ import annotations
 
@@ -25,27 +25,38 @@ from rfgen_sionna.tracing.surface.facets import sum_by_surface
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
 
 TERMINATOR_PER_RTOL, FINE_TERMINATOR_PER_RTOL = 1.5, 0.3
-"""What rims may come to, per unit of the tolerance, before they are traced; the second below `LEAST_RTOL`, where facets
-are cut at the horizon. Those of a person come to about the default tolerance, and take a tenth of a frame."""
+"""Return of facets at the terminator, per unit of the tolerance, above which they are traced; the second below
+`LEAST_RTOL`, where facets are cut at the terminator. A person's return is about the default tolerance and costs a tenth
+of a frame."""
 UNCUT_SHARE = 0.3
-"""Share of what rims return that is told wrong of facets that are not cut there, as strengths have a kink on them."""
+"""Share of the return at the terminator that facets err by if not cut there, as their strengths have a kink."""
 UNVERIFIED_PER_RTOL, CURVED_UNVERIFIED_PER_RTOL, PER_ELEMENT_PER_RTOL = 0.1, 1.0, 1.0
-"""What strips beside shadows' edges may miss by an estimate, per unit of the tolerance, before they are refined against
-what pairs see from their own places, of flat surfaces and of bent ones, where the estimate is right to a factor of two;
-and what they may then be off by before that counts."""
+"""Estimated error of the shadow-boundary correction, per unit of the tolerance, above which it is verified by
+per-element visibility: of flat surfaces, and of curved ones, where the estimate is right to a factor of two; and
+measured error above which per-element visibility replaces it."""
 REVERIFY_GROWTH, CORRECTION_SAFETY = 2.0, 2.0
-"""By what factor the estimate may rise before they are refined against it anew, and what they are off by at other times
-and for other pairs, over what was found."""
+"""Growth of the estimate that triggers another verification, and factor on the measured error for other times and
+pairs."""
 MAX_ROUNDS = 5
-"""How often facets are made finer for one stretch, before the tolerance is given up with a warning."""
+"""Largest number of refinements per interval; then a warning reports the error."""
 _LOG = logging.getLogger(__name__)
 
 
 class ErrorControl:
-    """Chooses facets and expansion, and says what the direct return of `surfaces` errs by.
+    """Chooses facets and expansion, and estimates the error of direct returns.
 
-    What is chosen is selected until the error is found to be above the tolerance; `trace_visibility` tells what is seen
-    directly at a time [s] of a stretch, `indirect` what by other ways.
+    The choice persists until the error exceeds the tolerance.
+
+    Parameters
+    ----------
+    surfaces, band, rtol
+        All surfaces, gains of the radar, relative tolerance.
+    facets
+        Facets of the moving surfaces.
+    indirect
+        Indirect paths, which may demand finer facets.
+    trace_visibility
+        Direct visibility at a time [s] of an interval.
     """
 
     def __init__(
@@ -63,13 +74,11 @@ class ErrorControl:
         self._tolerance_group = tolerance_groups(surfaces.moving)
         self.reset()
         self.cancellation = np.zeros(len(surfaces.moving))
-        """(surface,) :attr:`rfgen_sionna.tracing.gains.error_estimate.ErrorEstimate.cancellation` of each, 0 where
-        nobody
-        knows."""
+        """(surface,) :attr:`rfgen_sionna.tracing.gains.error_estimate.ErrorEstimate.cancellation`; 0 where unknown."""
         self.terminator = np.zeros(len(surfaces.moving), np.bool_)
-        """(surface,) of which counts what facets show before the horizon that look away themselves."""
+        """(surface,) whether facets beyond the terminator, which face away, count."""
         self.per_element = np.zeros(len(surfaces.moving), np.bool_)
-        """(surface,) of which counts what each pair sees from its own places."""
+        """(surface,) whether per-element visibility counts."""
         self._static = np.array([each.still for each in surfaces.moving], np.bool_)
         self._verified_at, self._correction_scale, self._correction_offset = np.zeros((3, len(surfaces.moving)))
         self.verify_again()
@@ -78,11 +87,11 @@ class ErrorControl:
         self._error = self._last = self._terminator_error = 0.0
 
     def reset(self) -> None:
-        """Choose all anew: facets are other ones."""
+        """Choose all anew, for new facets."""
         self.expansion: Expansion | None = None
-        """The one in use, if any is."""
+        """Expansion in use; None before the first choice."""
         self.level = np.zeros(len(self._surfaces.moving))
-        """(surface,) return of each, the largest that was met, or what pairs see of it where they were unverified."""
+        """(surface,) largest return so far, or that of the verified pairs."""
         self._lowered = np.ones(len(self._surfaces.moving))
 
     def ensure(
@@ -92,10 +101,19 @@ class ErrorControl:
         visibility: Callable[[FloatArray, Expansion], IntervalVisibility],
         turn: int | None,
     ) -> IntervalVisibility:
-        """What a `visibility` at the `sample_times` [s] of a stretch tells by an expansion that is fine enough, of
-        facets that
-        are: those of earlier stretches, where nothing says that they are not. That is measured where there is a `turn`,
-        which says for what pair."""
+        """`visibility` at the `sample_times` [s] with an expansion that is fine enough.
+
+        Parameters
+        ----------
+        sample_times
+            (time,) [s].
+        interval
+            The interval.
+        visibility
+            Visibility at sample times [s] with an expansion.
+        turn
+            Number of the measurement, which chooses the element pair; None keeps the choice without a measurement.
+        """
         continued = self.expansion is not None
         if continued and turn is not None and self._any_curved:  # a thing that turns may show more of its rim
             self._weigh_terminator(self._trace_visibility(_middle(sample_times), interval))
@@ -109,7 +127,7 @@ class ErrorControl:
         return again._replace(discarded=[*found.discarded, *again.discarded])
 
     def verify_again(self) -> None:
-        """Forget of which surfaces own places count: strips are refined against them anew."""
+        """Discard the verification of the shadow-boundary correction."""
         self.level, self.cancellation = self.level / self._lowered, self.cancellation * self._lowered
         self._lowered = np.ones(len(self.per_element))
         self.per_element[:] = False
@@ -118,10 +136,11 @@ class ErrorControl:
     def unverified(
         self, visibility: IntervalVisibility, shadowed_surfaces: Callable[[NDArray[np.bool_]], NDArray[np.bool_]]
     ) -> NDArray[np.bool_]:
-        """(surface,) of which nobody knows whether strips beside shadows' edges tell what pairs see.
-        `shadowed_surfaces` says
-        on which of some surfaces (surface,) edges fall that the phase centre may not see, of which strips don't tell:
-        it is unverified of what has none at all, and of what is flat, where no slabs are seen through."""
+        """(surface,) whether the shadow-boundary correction needs verification.
+
+        `shadowed_surfaces` tests some surfaces (surface,) for shadow boundaries that only some elements see. Surfaces
+        without any boundary and flat ones are tested, unless slabs transmit.
+        """
         estimate = self._correction_error(visibility)
         unverified = (
             (estimate > np.where(self._curved, CURVED_UNVERIFIED_PER_RTOL, UNVERIFIED_PER_RTOL) * self._rtol)
@@ -137,21 +156,31 @@ class ErrorControl:
         )
 
     def exclude_slabs(self, visible: Sequence[VisibleFacets]) -> None:
-        """Let own places not count of surfaces beside slabs that are seen through: strips are all there is then."""
+        """Exclude surfaces next to transmitting slabs from per-element visibility, which does not account for slabs."""
         self.per_element &= ~self._near_slabs(visible)
 
     def _near_slabs(self, visible: Sequence[VisibleFacets]) -> NDArray[np.bool_]:
-        """(surface,) on whose lot shadows fall that let something through."""
+        """(surface,) whether shadows of transmitting slabs fall on the surface's tolerance group."""
         through = np.concatenate([each.slab_shadowed_surfaces() for each in visible])
         return np.asarray(np.isin(self._tolerance_group, self._tolerance_group[through]))
 
     def verify_correction(
         self, unverified: NDArray[np.bool_], off: FloatArray, level: FloatArray, visibility: IntervalVisibility
     ) -> None:
-        """Take what strips of `unverified` surfaces are `off` by (surface,), as an amplitude, for what they are. Pairs
-        have returns of a `level` (surface,), which may be far above what is known of the first pair: then that is what
-        errors are relative to from now on. Of flat ones, of which mostly pieces return, it may be far below what shares
-        of whole facets come to as well."""
+        """Record the measured error of the shadow-boundary correction.
+
+        Parameters
+        ----------
+        unverified
+            (surface,) measured surfaces.
+        off
+            (surface,) error, an amplitude.
+        level
+            (surface,) largest return of the pairs. It replaces the reference level where it is larger; of flat surfaces
+            also where it is smaller, as these return mostly from visible pieces.
+        visibility
+            Visibility of the measurement.
+        """
         anew = unverified & (level > 0) & (~self._curved | (level > self.level))
         lowered = np.where(anew & (self.level > 0), level / np.where(self.level > 0, self.level, 1.0), 1.0)
         self._lowered, self.cancellation = self._lowered * lowered, self.cancellation / lowered
@@ -169,12 +198,12 @@ class ErrorControl:
         )
 
     def _correction_error(self, visibility: IntervalVisibility) -> FloatArray:
-        """(surface,) estimated error of strips."""
+        """(surface,) estimated error of the shadow-boundary correction."""
         return np.asarray(SAFETY * np.maximum(self.cancellation, 1.0) * visibility.sampled_returns.missed)
 
     def error(self, visibility: IntervalVisibility, cancellation: FloatArray) -> float:
-        """Estimated error of the direct return of the worst surface: that of integrals, and of what is not known of
-        shadows, by the `cancellation` (surface,) of each."""
+        """Estimated error of the worst surface's direct return: integration and uncertain shadows, by the
+        `cancellation` (surface,)."""
         cancellation = np.where(cancellation > 0, cancellation, 1.0)  # of what was hidden nobody knows
         returned = np.stack([each.level for each in visibility.visible])
         edges = relative_to_largest(
@@ -186,17 +215,14 @@ class ErrorControl:
         return float(np.linalg.norm([max(self._last, self._error), self._terminator_error, shadows.max(initial=0.0)]))
 
     def _refine(self, t: float, interval: TraceInterval, afresh: bool) -> Expansion:
-        """Choose the expansion, and facets so fine that the error at `t` is allowed, and whether rims count.
-
-        `afresh`, it begins with the coarsest ones: what another pose has unverified for this one need not.
-        """
+        """Choose expansion, facets and terminators for the error at `t`; `afresh` starts from the coarsest facets."""
         self.verify_again()  # what returns are is told anew
         expansion, visible = self._refined(t, interval, afresh)
         self._weigh_terminator(visible)
         return expansion
 
     def _weigh_terminator(self, visible: VisibleFacets) -> None:
-        """Tell of which surfaces rims count, and what the others' come to, by what is `visible` without."""
+        """Find the surfaces whose terminator counts, and the error of the others."""
         rim = self._missed_at_terminator(visible)
         self.terminator = rim > (FINE_TERMINATOR_PER_RTOL if self._fine else TERMINATOR_PER_RTOL) * self._rtol
         left = 0.0 if self._fine else UNCUT_SHARE
@@ -233,7 +259,7 @@ class ErrorControl:
         return expansion, visible
 
     def _refined_returns(self, t: float, interval: TraceInterval) -> tuple[RefinedReturns, VisibleFacets]:
-        """What is seen at `t` [s], with finer facets to compare it with, for the first pair; and that."""
+        """Returns at `t` [s] with finer facets for comparison, of the first pair, and the visibility."""
         visible = self._trace_visibility(t, interval)
         share = self._indirect.weights(
             lambda: interval.rays(t), interval.positions(t), visible.facets, visible.fraction
@@ -249,7 +275,7 @@ class ErrorControl:
         ), visible
 
     def _expanded(self, refined: RefinedReturns) -> tuple[Expansion, FloatArray]:
-        """The expansion that the facets `refined` ask for, and the error (surface,) of each surface with it."""
+        """Expansion for the facets of `refined`, and the error (surface,) with it."""
         known = self._band, refined.facets, self._materials, refined.weight
         expansion = self._band.expansion_for(*known[1:], reference=refined.reference, apart=self._tolerance_group)
         values = self._band.values(refined.facets, self._materials, expansion, refined.reference)
@@ -267,7 +293,7 @@ class ErrorControl:
         )
 
     def _record(self, found: Sequence[ErrorEstimate]) -> FloatArray:
-        """The error (surface,) of each surface, the worst of those `found`; they are selected in mind."""
+        """Error (surface,), the worst of `found`; updates level and cancellation."""
         error = np.max([each.error for each in found], axis=0)
         # Where the return fades no facets are unverified for that it does not need elsewhere.
         self.level = np.max([self.level, *(each.level for each in found)], axis=0)
@@ -276,8 +302,8 @@ class ErrorControl:
         return np.asarray(error)
 
     def _measure(self, visibility: IntervalVisibility, turn: int) -> float:
-        """Error of the worst surface for one pair, another one from turn to turn. Over the band: where the return fades
-        at one place of it, the error there tells little."""
+        """Error of the worst surface for one pair, another one each `turn`; over the band, as fading at one frequency
+        distorts it."""
         middle, own = len(visibility.sample_times) // 2, visibility.returned
         gains = self._band.combined(visibility.expansion, visibility.sampled_returns.whole[middle])
         weight = visibility.visible[middle].fraction[own.selected] * visibility.visible[middle].weight[own.selected]
@@ -290,8 +316,8 @@ class ErrorControl:
         return self._last
 
     def to_terminator(self, visible: VisibleFacets, everywhere: bool = False) -> VisibleFacets:
-        """What is `visible`, and what facets that look away still show before the horizon: those of surfaces whose
-        :attr:`terminator` count, or `everywhere`."""
+        """Adds facets that face away but show up to the terminator: of surfaces in :attr:`terminator`, or `everywhere`.
+        """
         if not (everywhere or self.terminator.any()):
             return visible
         known = self._band.viewpoint, self._band.reach
@@ -321,7 +347,7 @@ class ErrorControl:
         )
 
     def _missed_at_terminator(self, visible: VisibleFacets) -> FloatArray:
-        """(surface,) estimated error of each return where what facets show that look away is left out."""
+        """(surface,) estimated error without facets beyond the terminator."""
         whole, count = self.to_terminator(visible, True), len(self._materials)
         terminator = np.flatnonzero(~visible.facets.facing & (whole.weight > 0))
         if not len(terminator):

@@ -1,4 +1,8 @@
-"""What the facets of moving surfaces return at the instants of a stretch, those in half shadow piece by piece."""
+"""Returns of moving facets at the sample times, with the shadow weight applied.
+
+The shadow weight of a facet is its visible fraction: :meth:`FacetReturns.apply_visibility` multiplies the integral of
+the whole facet by it, or integrates the visible pieces of a partly occluded facet.
+"""
 
 from __future__ import annotations
 
@@ -20,36 +24,36 @@ from rfgen_sionna.tracing.shadows.boundary_edges import BoundaryCorrection
 from rfgen_sionna.tracing.surface.facets import CANCELLED, Facets, sum_by_surface
 
 AT_ONCE = 200_000
-"""Facets that are integrated at once."""
+"""Facets per kernel launch, which bounds the memory."""
 MIN_INCREASE = 0.2
-"""Share of what is seen of a surface half way by which more has to be seen of it at another instant for that to tell
-what it returns: of bodies that shadow themselves one instant tells as much as another."""
+"""Growth of a surface's visible area over that at the middle time above which another sample time gives its reference
+level; bodies that shadow themselves change less."""
 
 
 class SampledReturns(NamedTuple):
-    """What facets return at some instants."""
+    """Returns of facets at sample times."""
 
     whole: list[ComplexArray]
-    """(value, facet) as if all of them were seen."""
+    """(value, facet) at full visibility."""
     values: list[ComplexArray]
-    """(value, facet) of what is seen from the phase centre."""
+    """(value, facet) with the shadow weight, from the phase centre."""
     boundary_correction: list[BoundaryCorrection | None]
-    """What pairs see more or less of the facets selected; None where no shadow's edge falls on them."""
+    """Differences of the element pairs, at each time; None without shadow boundaries."""
     missed: FloatArray
-    """(surface,) estimated error of that, relative to what each returns without interfering when it returns most."""
+    """(surface,) estimated error of the correction, relative to the largest incoherent sum over time."""
 
 
 def relative_to_largest(missed: FloatArray, level: FloatArray, best: FloatArray) -> FloatArray:
-    """(surface,) the largest of errors `missed` (instant, surface) that are relative to a `level` (instant, surface),
-    relative to the `best` one (surface,): what is hidden for a while is not told to the last digit meanwhile."""
+    """(surface,) largest error over time: `missed` (time, surface) relative to `level` (time, surface), as share of
+    `best` (surface,)."""
     return np.asarray((missed * level).max(axis=0) / np.where(best > 0, best, np.inf))
 
 
 class FacetReturns:
-    """Integrates facets of surfaces made of `materials`.
+    """Integrates facets of surfaces with `materials`.
 
-    An `expansion` says what is integrated, its values; `references` are the points (facet, 3) [m] that delays go by,
-    one array an instant. Surfaces of one `tolerance_group` (surface,) share a tolerance.
+    Arguments of the methods: `expansion` has the integrals to compute, its values; `references` are the points (facet,
+    3) [m] of the delays, one array per time. Surfaces of one `tolerance_group` (surface,) share a tolerance.
     """
 
     def __init__(self, band: BandTracer, materials: tuple[Material, ...], tolerance_group: IntArray) -> None:
@@ -58,8 +62,8 @@ class FacetReturns:
     def values(
         self, parts: Sequence[Facets], expansion: Expansion, references: Sequence[FloatArray]
     ) -> list[ComplexArray]:
-        """(value, facet) of each of `parts`, as if all were seen. They are integrated together, as far as memory
-        allows: to set a kernel up takes as long as it takes ten thousand facets."""
+        """(value, facet) of each of `parts` at full visibility; integrated together, as a kernel launch costs as much
+        as ten thousand facets."""
         found: list[ComplexArray] = []
         batch = np.cumsum([len(each) for each in parts]) // AT_ONCE
         for number in np.unique(batch):
@@ -78,10 +82,22 @@ class FacetReturns:
         expansion: Expansion,
         times: int = 1,
     ) -> SampledReturns:
-        """Those of the `facets` selected, which `selected` counts out of all, at each instant, as they are `visible`. Of those
-        in half shadow the pieces that are seen count, each with its own phase. Each of `visible` may have facets of
-        several
-        `times`, one time's after the other's."""
+        """Returns with the shadow weight: the visible fraction times the whole, and piece by piece of partly occluded
+        facets, each piece with its own phase.
+
+        Parameters
+        ----------
+        visible
+            Visibility at each time; each may hold `times` times in succession.
+        selected
+            Indices of the integrated facets.
+        facets, references
+            These facets and their reference points, at each time.
+        expansion
+            The expansion.
+        times
+            Times in each of `visible`.
+        """
         cut = [number for number, each in enumerate(visible) if len(each.owner)]
         parts, theirs, missed = list(facets), list(references), np.zeros(len(self._materials))
         if cut:
@@ -136,10 +152,8 @@ class FacetReturns:
         sampled_returns: ComplexArray,
         expansion: Expansion,
     ) -> BoundaryCorrection:
-        """What pairs see of `facets` from their `own` places more than from the phase centre, from where what is seen
-        returns `sampled_returns` (value, facet), and all of them as a `whole` (value, facet), by way of the points
-        `references`
-        (facet, 3) [m]."""
+        """Difference of the pairs' returns by per-element visibility `own` from `sampled_returns` (value, facet) of the
+        phase centre; `whole` (value, facet) at full visibility."""
         changed, at = np.unique(own.facet, return_inverse=True)
         weights = expansion.weights.reshape(expansion.order, -1, len(whole))
         gains = np.zeros((*weights.shape[:2], len(changed)), np.complex128)
@@ -168,10 +182,20 @@ class FacetReturns:
         surfaces: NDArray[np.bool_],
         place: float = 0.0,
     ) -> ComplexArray:
-        """(lot,) what a pair sees more, or less, than the phase centre of all facets of some `surfaces` (surface,), by
-        the `boundary_correction` of those `selected` of what is `visible`, by way of the points `reference` (facet, 3)
-        [m], at a `place`
-        -1 … 1 of the band."""
+        """(group,) difference of a pair's return from that of the phase centre, of some `surfaces` (surface,), at a
+        `place` -1 … 1 of the band.
+
+        Parameters
+        ----------
+        boundary_correction
+            Of the `selected` facets; None returns 0.
+        visible
+            Visibility.
+        reference
+            (facet, 3) points of the delays [m].
+        pair
+            Tx and Rx.
+        """
         count = len(self._materials)
         if boundary_correction is None:
             return np.zeros(count, np.complex128)
@@ -182,7 +206,7 @@ class FacetReturns:
         return sum_by_surface(waves[None], self._tolerance_group[whose[mine]], count)[0]
 
     def _waves(self, reference: FloatArray, pair: tuple[int, int], place: float = 0.0) -> ComplexArray:
-        """(facet,) phasors of the propagation by way of points at a `place` -1 … 1 of the band."""
+        """(facet,) propagation phasors at a `place` -1 … 1 of the band."""
         frequency = self._band.frequency(np.array([place]))[0]
         return phasors(frequency * self._band.delays(reference, pair))
 
@@ -193,8 +217,8 @@ class FacetReturns:
         pairs: Sequence[tuple[int, int]],
         expansion: Expansion,
     ) -> list[tuple[ComplexArray, FloatArray]]:
-        """For some `pairs` (lot,) what each sees more of some `surfaces` (surface,) from its own places than the phase
-        centre, in the middle of the band, and the level over the band of all that it sees."""
+        """For each of the `pairs` (group,) difference from the phase centre by per-element visibility of some
+        `surfaces` (surface,), in the middle of the band, and root mean square over the band of the pair's return."""
         there = visible.of(np.flatnonzero(visible.any_visible() & surfaces[visible.facets.surface]))
         selected, count = np.arange(len(there.facets)), len(self._materials)
         reference, tolerance_group = there.facets.centroids, self._tolerance_group[there.facets.surface]
@@ -222,12 +246,25 @@ class FacetReturns:
         boundary_correction: Sequence[BoundaryCorrection | None],
         pattern: Sequence[FloatArray] | None = None,
     ) -> tuple[ComplexArray, NDArray[np.intp]]:
-        """(order, tx, rx, path, instant) of the paths that facets with the same `cluster_head` (facet,) make together,
-        and
-        the (path,) leaders. `shares` (facet, instant) of the area are seen; of what rough ones scatter that share of
-        the energy counts, and at each instant the `boundary_correction`. `pattern` (facet,) is at each instant what
-        the antennas
-        make of a facet, over what they make of its leader; None is 1."""
+        """(order, tx, rx, path, time) of the paths, one per cluster, and the (path,) cluster heads.
+
+        Parameters
+        ----------
+        facets
+            Facets at each time.
+        shares
+            (facet, time) visible fraction, which weights the energy of diffuse returns.
+        values
+            (value, facet) at each time, shadow weight applied.
+        expansion
+            The expansion.
+        cluster_head
+            (facet,) cluster head of each.
+        boundary_correction
+            Differences of the element pairs at each time.
+        pattern
+            (facet,) pattern gain of each facet over that of its head, at each time; None is 1.
+        """
         order = np.argsort(cluster_head, kind="stable")
         heads, first = np.unique(cluster_head[order], return_index=True)
         if len(heads) == len(cluster_head):
@@ -263,9 +300,17 @@ class FacetReturns:
     def cancellation(
         self, by_way: Sequence[FloatArray], gains: ComplexArray, surface: IntArray, surfaces: int
     ) -> FloatArray:
-        """(surface,) what paths of each lot by way of points, `by_way` (path, 3) [m] at each instant, with `gains`
-        (path, instant) of the first pair, return without interfering, over what they do, over all instants; 0 where
-        nothing comes. `surface` (path,) is that of each, one of so many `surfaces`."""
+        """(surface,) incoherent over coherent sum of each surface's paths over all times; 0 without a return.
+
+        Parameters
+        ----------
+        by_way
+            (path, 3) points of the delays [m] at each time.
+        gains
+            (path, time) of the first pair.
+        surface, surfaces
+            (path,) surface of each path, and their number.
+        """
         alone, together = np.zeros((2, surfaces))
         surface = self._tolerance_group[surface]
         for own, there in zip(gains.T, by_way, strict=True):
@@ -277,13 +322,13 @@ class FacetReturns:
 
 
 def _gains_at(coefficients: ComplexArray, place: float) -> ComplexArray:
-    """(facet,) gains at a `place` -1 … 1 of the band, of which these are the `coefficients` (order, facet)."""
+    """(facet,) gains with `coefficients` (order, facet) at a `place` -1 … 1 of the band."""
     return np.asarray(place ** np.arange(len(coefficients)) @ coefficients)
 
 
 def most_visible_times(shares: FloatArray, surface: NDArray[np.integer[Any]], half: int) -> list[int]:
-    """The instants at which most is seen of those that much more is seen of than at the instant `half`, by the `shares`
-    (facet, instant) that are seen of facets of each `surface` (facet,), large and small ones alike."""
+    """Sample times of largest visibility of the surfaces that are much more visible then than at the time `half`;
+    `shares` (facet, time) are visible fractions, `surface` (facet,) the surface of each facet."""
     more = np.bincount(surface, shares.max(axis=1) - shares[:, half])
     fading = np.flatnonzero(more > MIN_INCREASE * np.bincount(surface, shares[:, half]))
     return sorted({int(shares[surface == number].sum(axis=0).argmax()) for number in fading.tolist()})
@@ -297,12 +342,16 @@ def best_visible_level(
     level: FloatArray,
     cancellation: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """(surface,) `level` of each one's return and its `cancellation`
-    (:attr:`rfgen_sionna.tracing.gains.error_estimate.Accuracy.cancellation`), or what they are at an instant at which
-    much more is seen of it and it returns more.
+    """(surface,) reference level and cancellation of each surface, at the time of its best visibility.
 
-    `waves` gives what facets (facet,) return at an instant, propagation and antennas included; the others are those of
-    :func:`most_visible_times`. `level` is not below what comes back `half` way.
+    Parameters
+    ----------
+    waves
+        Returns (facet,) at a time, with propagation and antennas.
+    shares, surface, half
+        As of :func:`most_visible_times`.
+    level, cancellation
+        (surface,) values so far; `level` grows to the return at the time `half` at least.
     """
     best, more = level, cancellation
     for k in [half, *most_visible_times(shares, surface, half)]:

@@ -1,4 +1,4 @@
-"""What moves, seen by further ways than the straight one: in walls, by flat and bent parts, through slabs."""
+"""Indirect paths of moving surfaces: ghosts, planar reflectors, slabs and specular double bounces."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from rfgen_sionna.tracing.transmission.transmission import Transmission, Transmi
 
 
 class IndirectVisibility(NamedTuple):
-    """What is seen by further ways at the instants of a stretch, of each kind that there is."""
+    """Indirect visibility at the sample times, of each kind of path."""
 
     facets: list[Facets]
-    """What was looked at, at each instant."""
+    """Facets at each time."""
     mirrored: list[GhostVisibility]
     reflected: list[list[ReflectionVisibility]]
-    """Of all planar that there are, at each instant."""
+    """Of all planar reflectors, at each time."""
     double_bounces: list[DoubleBounceVisibility]
     transmitted: list[TransmittedVisibility]
 
@@ -42,15 +42,20 @@ class IndirectVisibility(NamedTuple):
 
 
 class IndirectPaths:
-    """Finds what the radar sees of moving surfaces by further ways, and traces it.
+    """Traces the indirect paths of moving surfaces.
 
     Parameters
     ----------
     surfaces, band
-        The surfaces, and the radar's gains.
-    ghosts, planar, curved, veils
-        What there may be: ghosts in walls, what flat parts show, plainly and through slabs, what bent surfaces do, and
-        what is behind slabs.
+        All surfaces, gains of the radar.
+    ghosts
+        Images in walls; None without.
+    planar
+        Planar reflectors, without and with slabs on their legs.
+    curved
+        Specular double bounces; None without.
+    transmission_tracer
+        Paths through slabs; None without.
     """
 
     def __init__(
@@ -72,12 +77,12 @@ class IndirectPaths:
         self._slab_transmission = None if transmission_tracer is None else SlabTransmission(transmission_tracer, band)
 
     def __bool__(self) -> bool:
-        """Whether mirrors show what looks away from the radar, or slabs: the back of a hollow body."""
+        """Whether mirrors or slabs may show faces that face away from the radar."""
         return self.ghosts is not None or bool(self._planar) or self._transmission_tracer is not None
 
     @property
     def through_slabs(self) -> bool:
-        """Whether slabs may show what is behind them."""
+        """Whether slabs transmit."""
         return self._transmission_tracer is not None
 
     @property
@@ -85,7 +90,8 @@ class IndirectPaths:
         return self.ghosts if self.ghosts is not None and self.ghosts.active else None
 
     def prepare(self, positions: Positions, times: Sequence[float]) -> Positions:
-        """Choose the mirrors whose ghosts matter at `times` [s]; returns what delays are to follow in time."""
+        """Choose the mirrors for `times` [s]; returns the positions of all points whose delays matter, images included.
+        """
         if self.ghosts is not None:
             self.ghosts.prepare([positions(t) for t in times])
         ghosts, planar = self._active_ghosts, self.active_reflections(positions, times[0])
@@ -101,14 +107,14 @@ class IndirectPaths:
         return delay_points
 
     def active_reflections(self, positions: Positions, start: float) -> list[PlanarReflections]:
-        """The planar that there may be in a stretch that begins at `start` [s]."""
+        """Planar reflectors that matter in an interval from `start` [s]."""
         return [each for each in self._planar if each.follow(positions, start)]
 
     def weights(
         self, rays: Callable[[], RayScene], vertices: Sequence[FloatArray], facets: Facets, fraction: FloatArray
     ) -> FloatArray:
-        """(facet,) share that is seen, `fraction` (facet,) directly, and what gets through slabs: as fine as that asks
-        for facets have to be. `rays` gives the ray scene, in which the moving surfaces have their `vertices` [m]."""
+        """(facet,) visible `fraction` (facet,) plus the weight of paths through slabs, for the choice of facets. `rays`
+        gives the ray scene, in which the moving surfaces have `vertices` [m]."""
         if self._transmission_tracer is None:
             return fraction
         transmitted = self._transmission_tracer.trace_visibility(rays(), self._everything(vertices), facets, fraction)
@@ -123,11 +129,8 @@ class IndirectPaths:
         facets: Sequence[Facets],
         visible: Sequence[VisibleFacets],
     ) -> tuple[IndirectVisibility, list[VisibleFacets]]:
-        """What is seen of the `facets`, those from all sides, at each of the `sample_times` [s], of which so much is
-        `visible` directly; and that again, with what slabs let through beside their shadows' edges.
-
-        `rays` gives the ray scene as it stands at an instant, and takes it on to that from where it stood.
-        """
+        """Indirect visibility of `facets` at each of the `sample_times` [s], and the direct visibility `visible` with
+        the transmission of slabs beside shadow boundaries. `rays` updates the ray scene to a time."""
         indirect, direct = IndirectVisibility(list(facets), [], [[] for _ in planar], [], []), list(visible)
         for k, (t, own, there) in enumerate(zip(sample_times, facets, visible, strict=True)):
             if not self:
@@ -159,8 +162,8 @@ class IndirectPaths:
         visible: IndirectVisibility,
         level: FloatArray,
     ) -> tuple[list[RadarPaths], float]:
-        """Paths by all of these ways, with delays at the `knots` [s], and what may be off of them, relative to the
-        `level` (surface,) of direct returns."""
+        """All indirect paths, with delays at the `knots` [s], and their error relative to the `level` (surface,) of
+        direct returns."""
         given = knots, sample_times, visible.facets
         paths, error = list[RadarPaths](), 0.0
         if self._transmission_tracer is not None:

@@ -1,4 +1,4 @@
-"""At which times delays are known, so that splines follow a motion over a stretch of time."""
+"""Knots: times at which delays are known, so that splines follow a motion; errors of splines between times."""
 
 from __future__ import annotations
 
@@ -17,42 +17,41 @@ from rfgen_sionna.scene.mesh import lengths
 MIN_SPACING = 0.125e-3
 """Gap between knots [s] below which a motion counts as broken: a vibration of 0.1 mm at 700 Hz still gets its knots."""
 FIRST_COUNT = 4
-"""Knots to begin with: a cubic's."""
+"""Smallest number of knots, those of one cubic."""
 MAX_REPRESENTATIVES = 4096
-"""Vertices of a mesh that tell how it moves, at most."""
+"""Largest number of vertices per mesh whose phases are compared."""
 ENOUGH_POINTS = 40
-"""Knots from which on more are no use to the gain unless they halve what is missed of it, which is nothing smooth."""
+"""Knots above which more must halve the error of the gain, as a pattern with jumps never converges."""
 PATTERN_POINTS = 32
-"""Vertices of a mesh that tell how it passes the antennas, at most."""
+"""Largest number of vertices per mesh whose pattern gain is compared."""
 TERMINATOR_ERROR, INNER_ERROR = 0.02, 0.005
-"""Errors (root mean square over time) of a not-a-knot cubic spline through a phasor whose phase swings by 1 rad between
-knots: of the cubic through four knots, and through more of them. They grow with the swing's fourth power."""
+"""Errors (root mean square over time) of a not-a-knot cubic spline through a phasor with a phase step of 1 rad between
+knots: of one cubic, and of more knots. They grow with the fourth power of the step."""
 TERMINATOR_GAPS = 5
-"""Gaps up to which a spline errs as at its rim."""
+"""Gaps up to which a spline errs as at its ends."""
 QUIET_GAPS, QUIET_ERROR = 2, 0.046
-"""The fewest gaps that gains are known over, and what the parabola through three instants errs by for a swing of 1 rad
-between them [root mean square over time]; it grows with the swing's third power."""
+"""Smallest number of gaps, and error of the parabola through three times for a phase step of 1 rad [root mean square
+over time]; it grows with the third power."""
 PAIR_ERROR = 0.091
-"""What a line between two instants errs by for a swing of 1 rad from one to the other: an eighth of the swing's square
-half way, times the root of 8 / 15."""
+"""Error of a line between two times for a phase step of 1 rad: an eighth of the square at the middle, times √(8/15)."""
 SPLINE_PHASE_ERROR = 5e-4
-"""What positions by a spline may be off by [m], a fraction of what shadows' edges are seen to."""
+"""Largest error of splined positions [m], a fraction of the accuracy of shadow boundaries."""
 _SPREAD = 2.0
-"""Standard deviations by which what facets err by together may be more than some times tell, ..."""
+"""Standard deviations by which a random sum may exceed its estimate from a few times."""
 _MIN_SAMPLES = 2.0
-"""... which are so many at least: of one in step with its fringes a facet misses nothing."""
+"""Smallest number of independent times for that estimate."""
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _LOG = logging.getLogger(__name__)
 
 
 class Knots(NamedTuple):
-    """When delays and directions are known."""
+    """Times at which delays and directions are known."""
 
     times: FloatArray
-    """(knot,) ascending [s], 3 2^n + 1 evenly spaced ones; a single one where nothing moves."""
+    """(knot,) ascending [s], 3 · 2^n + 1 evenly spaced ones; a single one without motion."""
     error: float
-    """Estimated error of the return between them, relative to that of the worst mesh [root mean square over time]: of
-    its phase, of the antennas' gain and of the elements' phases against one another."""
+    """Estimated error of the return between knots, relative to that of the worst mesh [root mean square over time]:
+    phase, pattern gain and phases of the elements against one another."""
 
 
 def choose_knots(
@@ -68,36 +67,33 @@ def choose_knots(
 ) -> Knots:
     """Knots between which a spline follows the delay of every vertex to every element, and the gain in its direction.
 
-    Of very many vertices some tell of all (:func:`representative`). Knots are doubled until the spline through them
-    foretells
-    the two-way phase between them to `tolerance` in each mesh's root mean square, which is the relative error of its
-    sum, at any instant to three times that, as a spline errs most at its ends, and any vertex's to ten times that.
-    About a radar that turns distances stay while all else passes: the spline through each mesh's gains is to be as near
-    to them, relative to their root mean square, and so is the phase that the elements see by the way. All that is tried
-    once between each two knots, at places that no vibration keeps step with.
+    The number of knots doubles until the spline predicts the two-way phase to `tolerance` in each mesh's root mean
+    square (the relative error of its sum), to three times that at any time, and to ten times that for any vertex. For a
+    turning radar, whose distances stay, the pattern gain and the phases of the elements are compared as well. Tests are
+    once per gap, at fractions that no vibration is in step with.
 
     Parameters
     ----------
     positions
-        Time [s] to the (vertex, 3) positions [m] of each mesh; called once per instant that is tried.
+        Time [s] to the (vertex, 3) positions [m] of each mesh.
     viewpoint
         (3,) phase centre of the radar [m].
     start, stop
-        The stretch of time [s].
+        Interval [s].
     frequency
         Highest frequency of the band [Hz].
     tolerance
-        Allowed phase error [rad], which is the relative error it makes, and relative error of gains.
+        Allowed phase error [rad] and relative error of gains.
     max_spacing
-        Longest gap between knots [s].
+        Largest gap between knots [s].
     gain
-        Unit vectors (..., 3) from the radar to the product of the field gains of Tx and Rx element that way.
+        Unit vectors (..., 3) from the radar to the product of the field gains of a Tx and an Rx element.
     reach
-        How far from the phase centre the middle of a Tx and an Rx element is at most [m].
+        Largest distance of the middle of a Tx and an Rx element from the phase centre [m].
 
     Returns
     -------
-    The knots, and what is missed between them.
+    The knots and their error.
     """
     wavenumber = 4 * np.pi * frequency / SPEED_OF_LIGHT
     if stop <= start:
@@ -114,7 +110,7 @@ def choose_knots(
     parts = np.cumsum([len(own) for own in pattern_points])[:-1]
 
     def known(times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(time, vertex) phases [rad], and (time, vertex, 3) unit vectors to those that tell of directions."""
+        """(time, vertex) phases [rad], and (time, vertex, 3) unit vectors to the pattern points."""
         offsets = [np.concatenate([representative(each) for each in positions(float(t))]) - viewpoint for t in times]
         distances = np.stack([lengths(each) for each in offsets])
         towards = np.stack([np.take(each, chosen, axis=0) for each in offsets])
@@ -168,7 +164,7 @@ def _rms(values: FloatArray, borders: NDArray[np.intp]) -> FloatArray:
 
 
 def representative(points: FloatArray) -> FloatArray:
-    """(some, 3) of the positions (vertex, 3) of a mesh, from all over it: the same ones whenever there are so many."""
+    """(some, 3) positions from all over a mesh (vertex, 3); the same vertices for the same count."""
     return points if len(points) <= MAX_REPRESENTATIVES else np.take(points, _spread_indices(len(points)), axis=0)
 
 
@@ -178,8 +174,8 @@ def _spread_indices(count: int) -> NDArray[np.intp]:
 
 
 class SplinedPositions:
-    """Positions [m] of meshes between `knots` [s], by splines through those there, several times quicker to have than
-    where bodies are posed anew. Knots follow distances: what spins across the view is posed anew all the same."""
+    """Positions [m] of meshes between `knots` [s] by splines, several times faster than poses of bodies. Falls back to
+    `positions` where the splines err too much, as for a body that spins across the line of sight."""
 
     def __init__(self, knots: FloatArray, positions: Callable[[float], Sequence[FloatArray]]) -> None:
         self._knots, self._positions = knots, positions
@@ -193,13 +189,13 @@ class SplinedPositions:
             self._right = max(missed, default=0.0) <= SPLINE_PHASE_ERROR
 
     def __call__(self, t: float) -> Sequence[FloatArray]:
-        """(vertex, 3) of each mesh at a time [s]; it is kept in mind."""
+        """(vertex, 3) of each mesh at a time [s], cached."""
         if t not in self._known:
             self.precompute(np.array([t]))
         return self._known[t]
 
     def precompute(self, times: FloatArray) -> None:
-        """Have them at these times [s]."""
+        """Cache the positions at `times` [s]."""
         fresh = np.array([t for t in times.tolist() if t not in self._known])
         if not self._right:
             self._known |= {t: self._positions(t) for t in fresh.tolist()}
@@ -214,16 +210,15 @@ class SplinedPositions:
 
 
 def spline_error(swing: FloatArray, gaps: int) -> FloatArray:
-    """What splines with so many gaps err by between instants, at phasors that swing by so much [rad] over a gap: root
-    mean square over time."""
+    """Errors of splines with `gaps` gaps at phasors with a phase step `swing` [rad] per gap [root mean square over
+    time]."""
     if gaps <= QUIET_GAPS:
         return np.asarray(QUIET_ERROR * swing**3)
     return np.asarray((TERMINATOR_ERROR if gaps <= TERMINATOR_GAPS else INNER_ERROR) * swing**4)
 
 
 def max_phase_step(tolerance: float, gaps: int) -> float:
-    """Phase [rad] by which a phasor may swing from instant to instant for a spline with so many gaps to err by
-    `tolerance` at most."""
+    """Largest phase step [rad] per gap for which a spline with `gaps` gaps errs by `tolerance` at most."""
     if gaps == 1:
         return float((tolerance / PAIR_ERROR) ** 0.5)
     if gaps <= QUIET_GAPS:
@@ -232,16 +227,17 @@ def max_phase_step(tolerance: float, gaps: int) -> float:
 
 
 def has_shadow_edge(shares: FloatArray) -> NDArray[np.bool_]:
-    """(facet,) whether the edge of a shadow is on a facet, or passes it, by its `shares` (facet, instant)."""
+    """(facet,) whether a shadow boundary is on the facet or passes it, by its visible fraction `shares` (facet, time).
+    """
     rows = np.ascontiguousarray(shares.T)  # many times faster along long rows
     low, high = rows.min(axis=0), rows.max(axis=0)
     return np.asarray((high > low) | ((low > 0) & (low < 1)))
 
 
 def leave_one_out(gains: ComplexArray) -> ComplexArray:
-    """(facet, inner time) by how much `gains` (facet, time) at evenly spaced times differ from the polynomials through
-    their four neighbours; through all others, of four or three times. Where an edge passes, errors go with the gap, so
-    that this is twice what splines through all miss."""
+    """(facet, inner time) difference of `gains` (facet, time) at evenly spaced times from the polynomials through their
+    four neighbours, or all others of three or four times. Twice the error of the spline where a shadow boundary passes,
+    as that grows with the gap."""
     count = gains.shape[1]
     weights = np.zeros((max(count - 2, 0), count))
     for k, row in enumerate(weights, 1):
@@ -254,13 +250,13 @@ def leave_one_out(gains: ComplexArray) -> ComplexArray:
 
 
 def largest_energy(missed: ComplexArray) -> FloatArray:
-    """(facet,) largest energy of what is `missed` (facet, time): by chance it is little at one time or another."""
+    """(facet,) largest energy of `missed` (facet, time); at single times it may vanish by chance."""
     return np.asarray((missed.real**2 + missed.imag**2).max(axis=1, initial=0.0))
 
 
 def interpolation_loss(swing: FloatArray, gaps: int = TERMINATOR_GAPS) -> FloatArray:
-    """(facet,) share of the energy of phasors that swing by so much [rad] from time to time that splines with so many
-    `gaps` miss, with many of them as much as at their rim: an edge is not on a facet for long."""
+    """(facet,) share of the energy of phasors with a phase step `swing` [rad] that splines with `gaps` gaps miss; with
+    many gaps as at their ends, as a shadow boundary is on a facet for a short time."""
     return np.asarray(np.minimum(spline_error(swing, min(gaps, TERMINATOR_GAPS)), 1.0) ** 2)
 
 
@@ -277,12 +273,19 @@ def missed_energy(
     surface: NDArray[np.integer[Any]],
     count: int,
 ) -> FloatArray:
-    """(surface,) energy, the mean over time, that splines miss in between of each of `count` surfaces: what is left out
-    of all facets as they add up, or more, of each facet what is left out, or what an edge swings by, as far as it may
-    be by chance that they add up to less. The other arguments are those of :func:`choose`, at evenly spaced times.
+    """(surface,) mean energy over time that splines miss of each of `count` surfaces.
 
-    An edge that leaves a facet comes upon its neighbour: what splines miss of the two cancels nearly where facets are
-    small, by a factor of three on a ball. Of the sum's energy n times at which it is as large tell to 1 / sqrt(n)."""
+    The coherent sum of the facets' errors, raised towards the incoherent sum as far as chance may have reduced it: a
+    shadow boundary that leaves one facet enters the next, whose errors nearly cancel, and n times determine the energy
+    of the sum to 1 / √n only.
+
+    Parameters
+    ----------
+    gains, phasors, shares, width
+        As of :func:`rfgen_sionna.tracing.moving.temporal_refinement.choose_refinement`.
+    surface, count
+        (facet,) surface of each facet, and their number.
+    """
     energy, missed = gains.real**2 + gains.imag**2, leave_one_out(gains)
     swung = np.maximum(energy[:, 1:], energy[:, :-1]) * interpolation_loss(
         width[:, None] * np.abs(np.diff(shares, axis=1)), gains.shape[1] - 1

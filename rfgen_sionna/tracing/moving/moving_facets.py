@@ -1,4 +1,4 @@
-"""The facets of moving surfaces: made so fine as was asked for, and selected until the motion asks for others."""
+"""Facets of moving surfaces, which persist until the motion demands other ones."""
 
 from __future__ import annotations
 
@@ -23,19 +23,17 @@ from rfgen_sionna.tracing.surface.surfaces import Surfaces
 from rfgen_sionna.tracing.surface.tessellate import Tessellation, tessellate
 
 RANGE_MARGIN = 1.1
-"""Facets are made as far as this times the range window: they may come into it during the stretch."""
+"""Range of tessellation over the range window: facets may enter it during the interval."""
 
 Positions = Callable[[float], Sequence[FloatArray]]
 """Time [s] to the (vertex, 3) positions [m] of every moving surface."""
 FacetCallback = Callable[[Sequence[FloatArray], NDArray[np.intp]], None]
-"""What is to be done with new facets: the (facet, 3, 3) corners [m] of each surface's, and which of all are pieces of
-bent faces."""
+"""Receives new facets: corners (facet, 3, 3) [m] of each surface's, and the indices of pieces of curved faces."""
 
 
 class MovingFacets:
-    """Pieces of the faces of moving `surfaces`, seen from the `viewpoint` (3,) [m] as far as `max_range` [m], for a
-    relative tolerance `rtol`; as fine as images behind the `ghosts`' mirrors ask for. `made` is called with new ones.
-    """
+    """Pieces of the faces of moving surfaces, fine enough for the `viewpoint` (3,) [m] up to `max_range` [m], for a
+    relative tolerance `rtol`, and for the images in mirrors of `ghosts`. `on_new_facets` receives new ones."""
 
     def __init__(
         self,
@@ -52,7 +50,8 @@ class MovingFacets:
         self._ghosts, self._on_new_facets = ghosts, on_new_facets
         self.pieces: list[Tessellation] = []
         self.places: IntArray = np.zeros((0, 3), np.int32)
-        """(facet, 3) where corners touch: :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.shared_vertices`."""
+        """(facet, 3) index of each corner's position:
+        :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.shared_vertices`."""
         self.clusters = FacetClusters(band, viewpoint, rtol)
         self._parts: list[IntArray] = []
         self._turns: list[FloatArray] | None = None  # (face,) of each surface; None where all are flat
@@ -60,9 +59,8 @@ class MovingFacets:
         self._distance = np.zeros(len(surfaces.moving))
 
     def follow(self, positions: Positions, knots: FloatArray) -> bool:
-        """Make new facets where an actor has come nearer by a fifth or gone twice as far, where its range decides what
-        is made of it, or where something flat has turned or moved to where the antennas' gain changes more; returns
-        whether there are new ones, the coarsest."""
+        """Make new, coarsest facets where an actor's range has changed by a fifth down or a factor of two up, or where
+        a flat surface has turned or moved to a different pattern gradient; returns whether there are new ones."""
         poses = [positions(t) for t in sorted({float(knots[0]), float(knots[-1])})]
         changed = not self.pieces
         for index, _ in enumerate(self.surfaces):
@@ -83,14 +81,14 @@ class MovingFacets:
         return changed
 
     def coarsen(self, vertices: Sequence[FloatArray]) -> None:
-        """Make the coarsest ones again, for the `vertices` (vertex, 3) [m] of each surface, if there are others."""
+        """Return to the coarsest facets, for `vertices` (vertex, 3) [m] of each surface."""
         if (self._resolution != 1.0).any():
             self._resolution[:] = 1.0
             self._split(vertices)
 
     def refine(self, error: FloatArray, vertices: Sequence[FloatArray]) -> bool:
-        """Make finer facets of surfaces whose `error` (surface,) is above the tolerance; False where none is, or where
-        that would be more facets than a machine can hold."""
+        """Refine surfaces with an `error` (surface,) above the tolerance; False if there are none or facets become too
+        many."""
         coarse = error > self._rtol
         if not coarse.any():
             return False
@@ -104,13 +102,13 @@ class MovingFacets:
         return True
 
     def turn_to(self, poses: Sequence[Sequence[FloatArray]]) -> None:
-        """In how many parts facets are integrated, all through a stretch of time in which they are turned as in one of
-        the `poses`, (vertex, 3) positions [m] of each surface."""
+        """Set the number of parts per facet for an interval with the `poses`, (vertex, 3) positions [m] of each
+        surface."""
         placed = zip(self.pieces, self.surfaces, zip(*poses, strict=True), strict=True)
         self._parts = [piece.visible_parts(turned, own.faces, self._viewpoint) for piece, own, turned in placed]
 
     def at(self, vertices: Sequence[Sequence[FloatArray]]) -> list[Facets]:
-        """All of them at several times, left flat; `vertices` are those of every time."""
+        """All facets at several times, flat; `vertices` are those of each time."""
         wavenumber = 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
         given = self.pieces, vertices, self._viewpoint, wavenumber, self._parts, self._turns
         return stack_facets(self.surfaces, *given)
@@ -118,22 +116,22 @@ class MovingFacets:
     def with_patches(
         self, facets: Sequence[Facets], vertices: Sequence[Sequence[FloatArray]], chosen: NDArray[np.intp] | None = None
     ) -> list[Facets]:
-        """Those, bent as the surfaces are; others than those that `chosen` counts out may be left flat."""
+        """The same with quadratic patches; with `chosen`, only facets of these indices need one."""
         return with_patches(facets, self.surfaces, self.pieces, vertices, chosen)
 
     def from_all_sides(self, facets: Facets) -> Facets:
-        """All of them, integrated in as many parts as any direction asks for."""
+        """The same with the number of parts for any direction."""
         return replace(facets, parts=np.concatenate([piece.parts for piece in self.pieces]))
 
     def centroids(self, vertices: Sequence[FloatArray], selected: NDArray[np.intp]) -> FloatArray:
-        """(selected, 3) [m], those of the facets that `selected` counts out of all, ascending."""
+        """(selected, 3) centroids [m] of the facets with ascending indices `selected`."""
         found = [
             piece.centroids(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, selected)
         ]
         return np.concatenate([np.zeros((0, 3)), *found])
 
     def corners(self, vertices: Sequence[FloatArray], selected: NDArray[np.intp]) -> FloatArray:
-        """(selected, 3, 3) [m], likewise."""
+        """(selected, 3, 3) corners [m] of the facets with ascending indices `selected`."""
         found = [piece.corners(points, faces, chosen) for piece, points, faces, chosen in self._own(vertices, selected)]
         return np.concatenate([np.zeros((0, 3, 3)), *found])
 
@@ -147,8 +145,8 @@ class MovingFacets:
         heads: NDArray[np.intp],
         known: Mapping[float, FloatArray],
     ) -> RadarPaths:
-        """Paths by way of `facets`, which `heads` counts out of all, with `gains` (order, tx, rx, facet, instant); the
-        centroids (facet, 3) [m] of all facets are `known` at some times."""
+        """Paths of `facets`, the cluster heads with indices `heads`, with `gains` (order, tx, rx, facet, time).
+        Centroids (facet, 3) [m] of all facets are `known` at some times."""
         direction = np.empty((len(heads), len(knots), 3))
         column = {float(t): k for k, t in enumerate(knots)}
 
@@ -175,7 +173,7 @@ class MovingFacets:
     def _own(
         self, vertices: Sequence[FloatArray], selected: NDArray[np.intp]
     ) -> Iterator[tuple[Tessellation, FloatArray, IntArray, NDArray[np.intp]]]:
-        """Of each surface its pieces, vertices, faces, and which of the facets `selected` are its own."""
+        """Of each surface its pieces, vertices, faces and its part of `selected`."""
         first = 0
         for piece, points, surface in zip(self.pieces, vertices, self.surfaces, strict=True):
             yield (
