@@ -15,14 +15,7 @@ import numpy as np
 
 from rfgen_sionna.generative.decisions import NEGATIVE, PROMPT, drawn
 from rfgen_sionna.generative.text_reader import Reader, compile_pattern, number
-from rfgen_sionna.generative.vocabulary import (
-    AGE_PATTERN,
-    HEIGHT_PATTERNS,
-    KILOGRAMS,
-    METRES,
-    PERSON,
-    WEIGHT_PATTERN,
-)
+from rfgen_sionna.generative.vocabulary import AGE_PATTERN, HEIGHT_PATTERNS, KILOGRAMS, METRES, PERSON, WEIGHT_PATTERN
 
 
 class PromptError(ValueError):

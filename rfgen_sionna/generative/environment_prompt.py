@@ -5,22 +5,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
+from rfgen_sionna.generative import vocabulary
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names, take_compounds
-from rfgen_sionna.generative.negation import negation_in
-from rfgen_sionna.generative.text_reader import Reader, compile_pattern
-from rfgen_sionna.generative.vocabulary import (
-    COMMON_SCENE_WORDS,
-    FILLERS,
-    FREE_SPACE,
-    HOW,
-    NO_PLACES,
-    NO_SCENE,
-    PLACE_LIKE,
-    SCENE_PATTERNS,
-    SCENE_PREFIX,
-    UNKNOWN_PLACE,
-)
+from rfgen_sionna.generative.text_reader import Reader, compile_pattern, negation_in
 
 NOWHERE = "free space"
 """What no surroundings at all are called."""
@@ -41,11 +29,11 @@ _PLACES_OF_SCENES = {
     "simple_street_canyon_with_cars": "street",
 }
 """Scenes of a file -> what such places are called where they are furnished or imagined."""
-_PATTERNS = {**SCENE_PATTERNS, **PLACE_PATTERNS}
-_COMMON_WORDS = COMMON_SCENE_WORDS | set(PLACE_PATTERNS)
+_PATTERNS = {**vocabulary.SCENE_PATTERNS, **PLACE_PATTERNS}
+_COMMON_WORDS = vocabulary.COMMON_SCENE_WORDS | set(PLACE_PATTERNS)
 KNOWN = (
     f"known: {NOWHERE}; the places {', '.join(sorted({*_PLACES_OF_SCENES.values(), *PLACE_PATTERNS}))}; the scenes "
-    f"{', '.join(sorted(SCENE_PATTERNS))}"
+    f"{', '.join(sorted(vocabulary.SCENE_PATTERNS))}"
 )
 
 SOURCES = {
@@ -78,7 +66,7 @@ class EnvironmentPrompt:
     @property
     def has_file(self) -> bool:
         """Whether it is a scene of a file, always the same."""
-        return self.scene in SCENE_PATTERNS
+        return self.scene in vocabulary.SCENE_PATTERNS
 
     @property
     def place(self) -> str | None:
@@ -98,7 +86,7 @@ class EnvironmentPrompt:
             for reader in readers:
                 for pattern in (EMPTY, *(each[0] for each in SURFACES), *(name.pattern for name in names())):
                     reader.take(pattern)
-            lost = tuple(phrase for reader in readers for phrase in reader.rest(FILLERS))
+            lost = tuple(phrase for reader in readers for phrase in reader.rest(vocabulary.FILLERS))
         return tuple(f"environment: {phrase!r} was not understood and has no effect" for phrase in lost)
 
 
@@ -155,7 +143,7 @@ def parse_environment(text: str | None) -> EnvironmentPrompt | None:
     if not reader.text:
         return None
     furniture = take_compounds(reader)
-    scenes = [NOWHERE] if reader.take(rf"<a>(?:{NO_SCENE})") else []
+    scenes = [NOWHERE] if reader.take(rf"<a>(?:{vocabulary.NO_SCENE})") else []
     if negation := negation_in(reader.text):
         raise PromptError(
             f"environment: {text!r} negates something ({negation!r}); say which one is wanted, {KNOWN}; what an "
@@ -167,7 +155,7 @@ def parse_environment(text: str | None) -> EnvironmentPrompt | None:
         raise PromptError(f"environment: {text!r} {found}; {KNOWN}")
     if scenes == [NOWHERE]:
         return None
-    return EnvironmentPrompt(text=text, scene=scenes[0], unused=(*furniture, *reader.rest(FILLERS)))
+    return EnvironmentPrompt(text=text, scene=scenes[0], unused=(*furniture, *reader.rest(vocabulary.FILLERS)))
 
 
 def _take_scenes(reader: Reader) -> list[str]:
@@ -221,12 +209,12 @@ def read_scenes(reader: Reader) -> list[tuple[str, str]]:
             found.append((match.group(), scene))
             reader.note(match, f"surroundings {scene}")
 
-    take(FREE_SPACE, NOWHERE)
+    take(vocabulary.FREE_SPACE, NOWHERE)
     for scene, pattern in _PATTERNS.items():
         # "box" or "street" are common words: they name a scene only after "in a" or alone between commas.
         if scene in _COMMON_WORDS:
-            inside = SCENE_PREFIX if found else SCENE_PREFIX.replace("|or", "")
-            here, alone = (rf"<a>(?P<{name}>(?:{HOW} )*)(?:{pattern})" for name in ("how", "how2"))
+            inside = vocabulary.SCENE_PREFIX if found else vocabulary.SCENE_PREFIX.replace("|or", "")
+            here, alone = (rf"<a>(?P<{name}>(?:{vocabulary.HOW} )*)(?:{pattern})" for name in ("how", "how2"))
             take(rf"{inside} {here}|(?:(?<=, )|^){alone}(?= ,|$)", scene)
         else:
             take(rf"(?:(?:in|inside|within|at) <a>)?(?:{pattern})", scene)
@@ -239,14 +227,14 @@ def refuse_unknown_place(reader: Reader) -> None:
     Raises:
         PromptError: naming the place and the scenes that are known.
     """
-    found = [m.group() for m in compile_pattern(UNKNOWN_PLACE).finditer(reader.text)]
-    for match in compile_pattern(PLACE_LIKE).finditer(reader.text):
+    found = [m.group() for m in compile_pattern(vocabulary.UNKNOWN_PLACE).finditer(reader.text)]
+    for match in compile_pattern(vocabulary.PLACE_LIKE).finditer(reader.text):
         start, end = match.span("place")
         # an action at the end ("in a big jump") is no place; where something else that was read follows, it may be
         after = re.search(r"(?<=[a-z]) ~", match["place"])
         if after and _SOMETHING_ELSE.match(reader.said, start + after.start() + 1):
             end = start + after.start()
-        if "~" not in reader.text[end - 1] and not NO_PLACES.intersection(reader.text[start:end].split()):
+        if "~" not in reader.text[end - 1] and not vocabulary.NO_PLACES.intersection(reader.text[start:end].split()):
             found.append(reader.said[match.start() : end])
     if found:
         raise PromptError(f"surroundings: {found[0]!r} names none that is known; {KNOWN}")

@@ -6,34 +6,11 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from rfgen_sionna.generative import vocabulary
 from rfgen_sionna.generative.body_prompt import SIMPLE_NOUNS, BodyWords, PromptError
 from rfgen_sionna.generative.environment_prompt import read_scenes, refuse_unknown_place, split_keyword
 from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.text_reader import Reader, compile_pattern, number
-from rfgen_sionna.generative.vocabulary import (
-    ACTION_PATTERNS,
-    BARE_LENGTH,
-    BEARING_PATTERNS,
-    BEHIND,
-    BOTH_HANDS,
-    DISTANCE_PATTERNS,
-    FILLERS,
-    IN_VIEW,
-    METRES,
-    ORIENTATION_NUMBER,
-    ORIENTATION_PATTERNS,
-    PACE_PATTERNS,
-    PERSON,
-    PLURAL,
-    REPEATED,
-    SEVERAL_NUMBERS,
-    SPEED_PATTERNS,
-    TO_AND_FRO,
-    TURN_PATTERN,
-    UNREAD_DISTANCE,
-    WAY_PATTERNS,
-    WAYS,
-)
 
 _OTHER = {"left": "right", "right": "left"}
 
@@ -61,7 +38,7 @@ class Phrases:
     @property
     def unused(self) -> tuple[str, ...]:
         """The phrases that have no effect."""
-        return (*self.ignored, *self.reader.rest(FILLERS))
+        return (*self.ignored, *self.reader.rest(vocabulary.FILLERS))
 
     def names(self, part: str) -> bool:
         """Whether any of the actions named so far has `part` in its name."""
@@ -81,15 +58,15 @@ def read_wanted(text: str) -> Phrases:
     reader.understood += [(words, f"surroundings {scene}") for words, scene in scenes]
     _refuse_misreadable(reader.text)
     said.body.read_numbers(reader)
-    for pattern in DISTANCE_PATTERNS:
+    for pattern in vocabulary.DISTANCE_PATTERNS:
         for m in reader.take(pattern):
             _distance(said, m, m["value"], m.groupdict().get("unit") or "m")
-    for m in reader.take(BARE_LENGTH):
+    for m in reader.take(vocabulary.BARE_LENGTH):
         _bare_length(said, m)
-    unread = compile_pattern(UNREAD_DISTANCE).search(reader.text)
+    unread = compile_pattern(vocabulary.UNREAD_DISTANCE).search(reader.text)
     if unread:
         raise PromptError(f'distance: {unread.group()!r} is no number of metres; write it like "at 2.5 m"')
-    for pattern in BEARING_PATTERNS:
+    for pattern in vocabulary.BEARING_PATTERNS:
         for m in reader.take(pattern):
             _bearing(said, m)
     _read_common(said)
@@ -103,16 +80,16 @@ def read_wanted(text: str) -> Phrases:
     named = frozenset[str]().union(*(options for _, options in said.actions))
     if not named or any(ACTIONS[action].one_handed for action in named):
         for m in reader.take(
-            rf"(?:with|using|by) (?:{BOTH_HANDS}|<a>(?:hands|arms))|hand both|both (?:index )?fingers"
+            rf"(?:with|using|by) (?:{vocabulary.BOTH_HANDS}|<a>(?:hands|arms))|hand both|both (?:index )?fingers"
         ):
             if _both_hands(said, m.group(), named or ACTIONS):
                 reader.note(m, "both hands")
-    said.repeated = [m.group() for m in reader.take(REPEATED)]
-    for m in reader.take(rf"(?:<n> )?{PLURAL}"):
+    said.repeated = [m.group() for m in reader.take(vocabulary.REPEATED)]
+    for m in reader.take(rf"(?:<n> )?{vocabulary.PLURAL}"):
         raise PromptError(
             f"target: {m.group()!r} is more than one person; a prompt describes one, a Simulator takes several"
         )
-    for m in reader.take(PERSON):
+    for m in reader.take(vocabulary.PERSON):
         said.targets.append(m.group())
         reader.note(m, "target person" + said.body.read_noun(m.group()))
     refuse_unknown_place(reader)
@@ -120,7 +97,7 @@ def read_wanted(text: str) -> Phrases:
 
 
 def _refuse_misreadable(text: str) -> None:
-    several = compile_pattern(SEVERAL_NUMBERS).search(text)
+    several = compile_pattern(vocabulary.SEVERAL_NUMBERS).search(text)
     if several:
         what = (
             "distance"
@@ -128,7 +105,7 @@ def _refuse_misreadable(text: str) -> None:
             else "numbers"
         )
         raise PromptError(f"{what}: the prompt names several: {several.group()!r}; give one number")
-    behind = compile_pattern(BEHIND).search(text)
+    behind = compile_pattern(vocabulary.BEHIND).search(text)
     if behind:
         raise PromptError(
             f"azimuth: {behind.group()!r} is where the radar sees nothing; a person stands before it, at an azimuth "
@@ -137,7 +114,7 @@ def _refuse_misreadable(text: str) -> None:
 
 
 def _distance(said: Phrases, match: re.Match[str], value: str, unit: str) -> None:
-    metres = round(number(value) * METRES[unit[0]], 3)
+    metres = round(number(value) * vocabulary.METRES[unit[0]], 3)
     if metres <= 0:
         raise PromptError(f"distance: {match.group()!r} is {metres:g} m; it must be positive")
     said.distances.append((match.group(), metres))
@@ -147,7 +124,7 @@ def _distance(said: Phrases, match: re.Match[str], value: str, unit: str) -> Non
 def _bare_length(said: Phrases, match: re.Match[str]) -> None:
     """A length with no word for what it measures: a height if it is written as heights of people are."""
     value, unit = (match["value"], match["unit"]) if match["value"] else (match["value2"], match["unit2"])
-    metres = number(value) * METRES[unit[0]]
+    metres = number(value) * vocabulary.METRES[unit[0]]
     if not 1.3 <= metres <= 2.3:
         _distance(said, match, value, unit)
     elif unit[0] == "c" or (unit[0] == "f" and "." in value):  # centimetres, feet and inches
@@ -198,10 +175,10 @@ def read_unwanted(text: str) -> Phrases:
     reader = said.reader
     both_walks = frozenset({"walk", "walk_straight"})
     said.actions = [
-        (words, both_walks if named == {"walk"} and not compile_pattern(TO_AND_FRO).search(words) else named)
+        (words, both_walks if named == {"walk"} and not compile_pattern(vocabulary.TO_AND_FRO).search(words) else named)
         for words, named in said.actions
     ]
-    for m in reader.take(rf"(?:with|using|by) (?:{BOTH_HANDS})|(?:both|two) (?:of )?<a>hands"):
+    for m in reader.take(rf"(?:with|using|by) (?:{vocabulary.BOTH_HANDS})|(?:both|two) (?:of )?<a>hands"):
         said.hands.append((m.group(), "both"))
         reader.note(m, "both hands")
     for m in reader.take(r"(?:(?P<side>left|right) )?(?P<limb>arm|hand|leg|foot|feet|knee|swipe|circle)s?"):
@@ -216,7 +193,9 @@ def read_unwanted(text: str) -> Phrases:
         _name_all(said, m, ["clockwise" if m.group() == "clockwise" else "counterclockwise"])
     for trait, classes, nouns in SIMPLE_NOUNS:
         said.body.take_classes(reader, nouns, trait, classes)
-    for m in reader.take(PERSON):  # "a person jumping" forbids the jumping; "a person" alone forbids everything
+    for m in reader.take(
+        vocabulary.PERSON
+    ):  # "a person" alone forbids everything
         said.targets.append(m.group())
     return said
 
@@ -240,22 +219,22 @@ def _name_all(said: Phrases, match: re.Match[str], words: list[str]) -> None:
 
 def _read_common(said: Phrases) -> None:
     reader = said.reader
-    _read_speeds(said, PACE_PATTERNS)
-    both_ways = compile_pattern(TO_AND_FRO).search(reader.text)
-    for template, pattern in ACTION_PATTERNS:
+    _read_speeds(said, vocabulary.PACE_PATTERNS)
+    both_ways = compile_pattern(vocabulary.TO_AND_FRO).search(reader.text)
+    for template, pattern in vocabulary.ACTION_PATTERNS:
         for m in reader.take(pattern):
             groups = m.groupdict()
             named = _fill(template, groups)
-            both = compile_pattern(BOTH_HANDS).search(m.group()) if ACTIONS[min(named)].one_handed else None
+            both = compile_pattern(vocabulary.BOTH_HANDS).search(m.group()) if ACTIONS[min(named)].one_handed else None
             if both:
                 _both_hands(said, both.group(), named)
             said.actions.append((m.group(), named))
             reader.note(m, f"action {' or '.join(sorted(named))}")
-            for way in WAYS.keys() & groups.keys():
+            for way in vocabulary.WAYS.keys() & groups.keys():
                 if groups[way]:
                     reader.erase(*m.span(way))
-                    said.orientations.append((groups[way], WAYS[way]))
-                    reader.understood.append((groups[way], f"walks that way: orientation {WAYS[way]:g}°"))
+                    said.orientations.append((groups[way], vocabulary.WAYS[way]))
+                    reader.understood.append((groups[way], f"walks that way: orientation {vocabulary.WAYS[way]:g}°"))
             if groups.get("ahead"):
                 reader.erase(*m.span("ahead"))
             if groups.get("side") and "arm" not in template and "leg" not in template:
@@ -263,26 +242,26 @@ def _read_common(said: Phrases) -> None:
     for m in reader.take(r"the (?P<side>left|right) one"):
         _name_all(said, m, [m["side"]])
     if said.names("walk"):
-        reader.take(TO_AND_FRO, "action walk")
-    reader.take(IN_VIEW, "within the radar's view, where everything is")
-    for m in [*reader.take(ORIENTATION_NUMBER), *reader.take(TURN_PATTERN)]:
+        reader.take(vocabulary.TO_AND_FRO, "action walk")
+    reader.take(vocabulary.IN_VIEW, "within the radar's view, where everything is")
+    for m in [*reader.take(vocabulary.ORIENTATION_NUMBER), *reader.take(vocabulary.TURN_PATTERN)]:
         turned = number(m["angle"])
         if not -180.0 <= turned <= 360.0:
             raise PromptError(f"orientation: {m.group()!r} is {turned:g}°; allowed are 0° to 360° or -180° to 180°")
         angle = turned * (-1.0 if m["side"] == "right" else 1.0) % 360.0
         said.orientations.append((m.group(), angle))
         reader.note(m, f"orientation {angle:g}°")
-    for angle, pattern in ORIENTATION_PATTERNS:
+    for angle, pattern in vocabulary.ORIENTATION_PATTERNS:
         for m in reader.take(pattern):
             said.orientations.append((m.group(), angle))
             reader.note(m, f"orientation {angle:g}°")
-    for angle, pattern in WAY_PATTERNS:
+    for angle, pattern in vocabulary.WAY_PATTERNS:
         for m in reader.take(pattern):
             said.orientations.append((m.group(), angle))
             reader.note(m, f"orientation {angle:g}°")
             if not both_ways:  # who walks towards the radar does not come back
                 said.actions = [(w, frozenset({"walk_straight"}) if n == {"walk"} else n) for w, n in said.actions]
-    _read_speeds(said, SPEED_PATTERNS)
+    _read_speeds(said, vocabulary.SPEED_PATTERNS)
     said.scenes += read_scenes(reader)
     said.body.read_adjectives(reader)
 

@@ -18,8 +18,7 @@ from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSourc
 from rfgen_sionna.generative.motion.actions import with_hand
 from rfgen_sionna.generative.motion.motion_source import PromptReading
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
-from rfgen_sionna.generative.prompts import UnreadActionError, parse_prompt
-from rfgen_sionna.generative.scene_prompt import ScenePrompt, SourceReading
+from rfgen_sionna.generative.prompts import ScenePrompt, SourceReading, UnreadActionError, parse_prompt
 from rfgen_sionna.generative.text_reader import AFTERWARDS, normalise, split_negative
 
 NEAREST = "the nearest that is known"

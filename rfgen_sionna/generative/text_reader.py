@@ -12,6 +12,8 @@ import unicodedata
 from collections.abc import Iterable
 from functools import cache
 
+from rfgen_sionna.generative.vocabulary import ROOM
+
 _NUMBER_WORDS = {
     "half": 0.5, "one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8,
     "nine": 9, "ten": 10, "eleven": 11, "twelve": 12, "fifteen": 15, "twenty": 20, "thirty": 30, "forty": 40,
@@ -40,6 +42,23 @@ _PLAIN_KEY = re.compile(
     r"""["']?\b(?:action|activity|motion|movement|gesture|pose|posture|target|subject|person|gender|sex|body|build"""
     r"""|speed|pace)\b["']?\s*[:=]\s*"""
 )
+
+_NEGATION = (
+    r"not|never|no|nobody|none|nothing|cannot|without|neither|nor|minus|hardly|barely"
+    r"|exclud(?:e|es|ed|ing)|except(?:s|ed|ing)?|avoid(?:s|ed|ing)?|stop(?:s|ped|ping)?|used to|instead|rather than"
+    r"|other than|anything but|(?:<refuse>|<fail>|unable) to|<lack>|omit(?:s|ted|ting)?"
+    rf"|free of|[a-z]{{3,}} free(?= (?:[a-z]+ )?{ROOM})"
+    r"|devoid|sans|zero(?! degrees?)|missing|w , o|(?:all|everything) but"
+)
+_NO_NEGATION = (
+    r"(?:bus|coach|door|full|pit|rest|school bus|taxi|train|tram|trolley|truck) stops?(?! [a-z]+ing)"
+    r"|stop (?:buttons?|lamps?|lights?|lines?|signs?|watch(?:es)?)|non stop"
+    r"|no (?:entry|frills|go|man land|parking|smoking|stopping|through|waiting)|never ending|forget me nots?"
+    r"|(?:without|with no) end"
+    r"|(?:room|office|lab|laboratory|garage|corridor|street|field|study) used to (?!be\b|have\b|hold\b)[a-z]+"
+    r"|(?:room|office|lab|laboratory|garage|street|number) no (?:, )?\d+|minus(?= <n>)"
+)
+"""Names and numbers that such words are part of: a bus stop, a never-ending corridor, minus 30 degrees."""
 
 
 def number(text: str) -> float:
@@ -162,3 +181,15 @@ class Reader:
             else:
                 phrases[-1].append(word)
         return tuple(" ".join(phrase) for phrase in phrases if phrase)
+
+
+def negation_in(text: str) -> str | None:
+    """The first word of a text that negates something, in lower case; None where none does.
+
+    Args:
+        text: a sentence, keywords, or what :func:`~rfgen_sionna.generative.text_reader.normalise` has made of them.
+    """
+    reader = Reader(text)
+    reader.take(_NO_NEGATION)
+    found = compile_pattern(_NEGATION).search(reader.text)
+    return found.group().replace(" , ", "/") if found else None  # "w/o", as it was written

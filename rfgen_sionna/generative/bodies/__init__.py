@@ -1,9 +1,8 @@
-"""Bodies: anny's parametric person, or the user's SMPL model, as a rigged mesh, and motions performed by it."""
+"""Bodies: rigged meshes of anny or of the user's SMPL model, and their motions."""
 
-from rfgen_sionna.generative.bodies.animate import animate
 from rfgen_sionna.generative.bodies.phenotype import Phenotype, PhenotypeError, describe, person
 from rfgen_sionna.generative.bodies.rig import Rig
-from rfgen_sionna.generative.bodies.sequence import BodySequence
+from rfgen_sionna.generative.bodies.sequence import BodySequence, animate
 from rfgen_sionna.generative.bodies.smpl_rig import BodyFileError, smpl_file, smpl_person
 
 __all__ = [

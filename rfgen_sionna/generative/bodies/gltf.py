@@ -1,4 +1,4 @@
-"""Animals, machines, people: whatever a GLB file holds with its skin and joints animated."""
+"""Skinned and jointed animations from GLB files."""
 
 from __future__ import annotations
 
@@ -19,48 +19,37 @@ from rfgen_sionna.generative.motion.loaders import ClipError
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _TO_Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""glTF has y up and faces +z; we have z up and face +x."""
+"""From glTF's axes (y up, +z forward) to ours (z up, +x forward)."""
 
 
-def load_animation(
-    path: str | PathLike[str],
-    *,
-    frame_rate: float = 30.0,
-    animation: str | int = 0,
-    scale: float = 1.0,
-    repeat: int = 1,
-) -> SampledSequence:
-    """Read a GLB file with a skinned or jointed mesh that an animation moves.
+def load_animation(path: str | PathLike[str], *, frame_rate: float = 30.0, animation: int = 0) -> SampledSequence:
+    """Read a GLB file with an animated skinned or jointed mesh; morph targets are ignored.
 
     Args:
-        path: the `.glb` file, glTF 2.0, in metres as glTF demands.
-        frame_rate: at which the animation is sampled [Hz].
-        animation: its name, or its number.
-        scale: factor on all lengths, for files that are not in metres.
-        repeat: how often a looped animation is played.
+        path: `.glb` file, glTF 2.0, in metres.
+        frame_rate: sampling rate of the animation [Hz].
+        animation: number of the animation.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ClipError: not a GLB file, no triangles, no such animation, or something that is not read (morph targets move
-            nothing, sparse and compressed data are refused).
+        ClipError: not a GLB file, no triangles, no such animation, or sparse or compressed data.
     """
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"no mesh file {path}")
-    if not (np.isfinite(frame_rate) and frame_rate > 0.0 and np.isfinite(scale) and scale > 0.0 and repeat >= 1):
-        raise ClipError(f"frame_rate {frame_rate!r} Hz, scale {scale!r}, repeat {repeat!r}: all must be positive")
+    if not (np.isfinite(frame_rate) and frame_rate > 0.0):
+        raise ClipError(f"frame_rate is {frame_rate!r} Hz; allowed is more than 0")
     try:
-        return _load(path, frame_rate, animation, scale, repeat)
+        return _load(path, frame_rate, animation)
     except (KeyError, IndexError, TypeError, AttributeError, RecursionError, ValueError) as error:
         if isinstance(error, ClipError):
             raise
         raise ClipError(f"{path.name}: not a sound GLB file ({type(error).__name__}: {error})") from error
 
 
-def _load(path: Path, frame_rate: float, animation: str | int, scale: float, repeat: int) -> SampledSequence:
+def _load(path: Path, frame_rate: float, animation: int) -> SampledSequence:
     file = _Glb(path)
     chosen = file.animation(animation)
-    # the last pose of a loop is its first again
     times = np.arange(int(np.floor(file.length(chosen) * frame_rate + 1e-6)) + 1) / frame_rate
     world = file.poses(chosen, times)
     blocks, faces, count = [], [], 0
@@ -78,9 +67,7 @@ def _load(path: Path, frame_rate: float, animation: str | int, scale: float, rep
             count += len(vertices)
     if not blocks:
         raise ClipError(f"{path.name}: has no triangles")
-    samples = scale * np.concatenate(blocks, axis=1) @ _TO_Z_UP.T
-    if repeat > 1 and len(samples) > 1:
-        samples = np.concatenate([*([samples[:-1]] * (repeat - 1)), samples])
+    samples = np.concatenate(blocks, axis=1) @ _TO_Z_UP.T
     if not np.isfinite(samples).all():
         raise ClipError(f"{path.name}: has vertices that are not finite")
     return SampledSequence(samples, np.concatenate(faces).astype(np.int32), float(frame_rate), (path.stem,))
@@ -142,17 +129,15 @@ class _Glb:
         values = np.ndarray((count, width), dtype, self.data, start, (stride, dtype.itemsize)).astype(np.float64)
         return values / np.iinfo(dtype).max if accessor.get("normalized") else values
 
-    def animation(self, which: str | int) -> dict[str, Any]:
-        found = self.tree.get("animations", [])
+    def animation(self, number: int) -> dict[str, Any]:
+        found: list[dict[str, Any]] = self.tree.get("animations", [])
+        if 0 <= number < len(found):
+            return found[number]
         names = [a.get("name", str(k)) for k, a in enumerate(found)]
-        if isinstance(which, str) and which in names:
-            return found[names.index(which)]
-        if isinstance(which, int) and 0 <= which < len(found):
-            return found[which]
-        raise ClipError(f"{self.name}: no animation {which!r}; it has {', '.join(names) or 'none'}")
+        raise ClipError(f"{self.name}: no animation {number!r}; it has {', '.join(names) or 'none'}")
 
     def length(self, animation: dict[str, Any]) -> float:
-        """[s]."""
+        """Duration [s]."""
         return max(float(self.array(s["input"])[-1, 0]) for s in animation["samplers"])
 
     def poses(self, animation: dict[str, Any], times: FloatArray) -> FloatArray:
@@ -186,7 +171,7 @@ class _Glb:
         return np.stack([place(k) for k in range(len(self.nodes))])
 
     def _curve(self, sampler: dict[str, Any], times: FloatArray, turn: bool) -> FloatArray:
-        """(time, width) values of a sampler; before its first and after its last key it stands still."""
+        """(time, width) values of a sampler, constant before its first and after its last key."""
         from scipy.interpolate import CubicHermiteSpline
 
         keys, values = self.array(sampler["input"])[:, 0], self.array(sampler["output"])
@@ -196,7 +181,7 @@ class _Glb:
             inward, points, outward = values.reshape(len(keys), 3, -1).swapaxes(0, 1)
             if len(keys) < 2:
                 return np.repeat(points, len(t), axis=0)
-            # glTF's tangents differ on both sides of a key: one Hermite piece for each stretch
+            # glTF's tangents differ on both sides of a key: one Hermite piece between two keys
             out = np.empty((len(t), points.shape[1]))
             piece = np.clip(np.searchsorted(keys, t, side="right") - 1, 0, len(keys) - 2)
             for k in np.unique(piece):
@@ -229,7 +214,7 @@ class _Glb:
     ) -> FloatArray:
         """(time, vertex, 3) positions by linear blend skinning."""
         attributes = primitive["attributes"]
-        # four bones a set, as many sets as there are
+        # four bones a set
         sets = [k for k in range(8) if f"JOINTS_{k}" in attributes] or [0]
         joints = np.concatenate([self.array(attributes[f"JOINTS_{k}"]) for k in sets], axis=1).astype(int)
         weights = np.concatenate([self.array(attributes[f"WEIGHTS_{k}"]) for k in sets], axis=1)

@@ -1,4 +1,4 @@
-"""Put a foreign motion on the floor: the right height for this body, and planted feet that stay where they are."""
+"""Floor contact of a motion from another body: height of the root, and planted feet held in place."""
 
 from __future__ import annotations
 
@@ -9,28 +9,22 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.bodies.retarget import bone_rotations
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.curves import ease
-from rfgen_sionna.generative.motion.skeleton import from_rest, two_bone
+from rfgen_sionna.generative.motion.jumps import GRAVITY
 from rfgen_sionna.generative.motion.rotations import X, Z, normalised
-from rfgen_sionna.generative.motion.skeleton import JOINT, PLANTED_BELOW, SIDES, forward_kinematics
+from rfgen_sionna.generative.motion.skeleton import JOINT, PLANTED_BELOW, SIDES, forward_kinematics, from_rest, two_bone
 
 CONTACT_HEIGHT = 0.04
-"""A foot whose sole is lower than this over the floor [m] ..."""
+"""Upper bound of a planted sole's height over the floor [m], without labels: above the noise of captured feet."""
 CONTACT_SPEED = 0.5
-"""... and slower than this [m/s] counts as planted where a motion has no labels."""
-GRAVITY = 9.81
+"""Upper bound of a planted sole's speed [m/s], without contact labels: a third of walking speed."""
 BLEND = 0.12
-"""Time over which a foot passes from moving freely to being held [s]."""
+"""Time between a free and a held foot [s]: the double support of a step."""
 RIDE = 0.03
-"""Time over which the pelvis follows planted feet to the floor [s]."""
+"""Smoothing time of the pelvis over planted feet [s]: a few frames of captured motion."""
 
 
 def sole_points(rig: Rig, joints: FloatArray, positions: FloatArray, side: str) -> FloatArray:
-    """(frame, 3, 3) heel, ball and toe tip of a foot under the sole [m].
-
-    Args:
-        joints: (frame, 52, 3, 3) world rotations of the joints.
-        positions: (frame, 52, 3) joint positions [m].
-    """
+    """(frame, 3, 3) heel, ball and toe tip under the sole [m]; `joints` are rotations (frame, 52, 3, 3)."""
     sk, i = rig.skeleton, SIDES.index(side)
     ankle, toe = JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]
     ball = sk.offsets[toe] * [1.0, 1.0, 0.0] - [0.0, 0.0, sk.ankle_height]
@@ -50,7 +44,7 @@ def _positions(rig: Rig, joints: FloatArray, translation: FloatArray) -> FloatAr
 
 
 def find_contacts(soles: FloatArray, frame_rate: float) -> np.ndarray:
-    """(frame, 2) planted feet from (frame, 2, 3, 3) sole points: low and slow, gaps and blips of one frame closed."""
+    """(frame, 2) planted feet: low and slow sole points (frame, 2, 3, 3), without gaps and blips of one frame."""
     low = soles[..., 2].min(axis=2) < CONTACT_HEIGHT
     speed = np.linalg.norm(np.gradient(soles, axis=0)[..., :2], axis=-1).min(axis=2) * frame_rate
     planted = low & (speed < CONTACT_SPEED)
@@ -64,17 +58,16 @@ def find_contacts(soles: FloatArray, frame_rate: float) -> np.ndarray:
 def stand_on_floor(
     rig: Rig, joints: FloatArray, translation: FloatArray, contacts: np.ndarray | None, frame_rate: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Joint rotations and root path with the feet on the floor and still while planted.
+    """Joint rotations (frame, 52, 3, 3) and root positions (frame, 3) [m] with the feet on the floor.
+
+    Planted feet are still and on the floor; no sole is under it.
 
     Args:
         rig: the body.
         joints: (frame, 52, 3, 3) world rotations of the joints.
         translation: (frame, 3) root positions [m].
-        contacts: (frame, 2) planted left and right foot, None to find them from height and speed.
+        contacts: (frame, 2) planted left and right foot; None finds them by height and speed.
         frame_rate: [Hz].
-
-    Returns:
-        (frame, 52, 3, 3) and (frame, 3); both feet reach the floor and no sole is under it.
     """
     joints, translation = joints.copy(), translation.copy()
     positions = _positions(rig, joints, translation)
@@ -89,24 +82,24 @@ def stand_on_floor(
     soles[..., 2] -= drop[:, None, None]
     positions = _positions(rig, joints, translation)
     planted = find_contacts(soles, frame_rate) if contacts is None else contacts
-    planted = planted & (soles[..., 2].min(axis=2) < PLANTED_BELOW)  # not those of somebody who stands on his hands
+    planted = planted & (soles[..., 2].min(axis=2) < PLANTED_BELOW)  # not in a handstand
     blend = max(1, round(BLEND * frame_rate))
     for i, side in enumerate(SIDES):
         shift = _held(soles[:, i], planted[:, i], blend)
-        # what is not planted must not go through the floor either
+        # free feet stay above the floor
         under = np.maximum(-(soles[:, i, :, 2].min(axis=1) + shift[:, 2]), 0.0)
         lift = gaussian_filter1d(maximum_filter1d(under, 2 * blend + 1), blend / 3.0, truncate=3.0)
         shift[:, 2] += lift
         _move_foot(rig, joints, positions, side, shift)
-    for _ in range(2 if planted.any() else 0):  # the second time for what the first smoothed away
-        # a leg may be too short to reach: the pelvis rides where the lower of the planted feet is on the floor
+    for _ in range(2 if planted.any() else 0):  # the second round corrects the smoothing of the first
+        # a leg may be too short: the pelvis sinks until the lower of the planted feet is on the floor
         low = np.stack([_lowest_vertex(rig, joints, translation, side) for side in SIDES], axis=-1)
         rise = np.where(planted, low, np.inf).min(axis=1)
         at = np.flatnonzero(np.isfinite(rise))
         rise = np.interp(np.arange(len(rise)), at, rise[at])
         translation[:, 2] -= gaussian_filter1d(rise, RIDE * frame_rate, mode="nearest")
     for side in SIDES:
-        # what the three points did not see: the rest of the sole
+        # vertices of the sole beside the three points
         under = np.maximum(-_lowest_vertex(rig, joints, translation, side) - 0.002, 0.0)
         if under.max() > 0.0:
             positions = _positions(rig, joints, translation)
@@ -123,13 +116,7 @@ def _lowest_vertex(rig: Rig, joints: FloatArray, translation: FloatArray, side: 
 
 
 def _float(lowest: FloatArray, height: FloatArray, frame_rate: float) -> FloatArray:
-    """(frame,) by how much a body hovers over the floor or sinks into it while it is not flying [m].
-
-    Args:
-        lowest: (frame,) lowest point of the soles [m].
-        height: (frame,) height of the root [m]; in flight it falls freely.
-        frame_rate: [Hz].
-    """
+    """(frame,) height of a body over the floor while it is not in flight, from soles and root [m]."""
     smooth = gaussian_filter1d(height, 0.03 * frame_rate, mode="nearest")
     falling = np.gradient(np.gradient(smooth)) * frame_rate**2 < -0.45 * GRAVITY
     flying = maximum_filter1d(((lowest > 0.02) & falling) | (lowest > 0.08), 3)
@@ -141,7 +128,7 @@ def _float(lowest: FloatArray, height: FloatArray, frame_rate: float) -> FloatAr
 
 
 def _held(sole: FloatArray, planted: np.ndarray, blend: int) -> FloatArray:
-    """(frame, 3) shift of a foot that keeps its stillest point in place and on the floor while planted."""
+    """(frame, 3) shift of a foot that holds its slowest point on the floor while planted [m]."""
     n = len(planted)
     runs, count = label(planted)
     total, weight = np.zeros((n, 3)), np.zeros(n)
@@ -163,11 +150,11 @@ def _held(sole: FloatArray, planted: np.ndarray, blend: int) -> FloatArray:
 
 
 def _move_foot(rig: Rig, joints: FloatArray, positions: FloatArray, side: str, shift: FloatArray) -> None:
-    """Bend hip and knee so that the ankle moves by `shift` (frame, 3) while the foot keeps its orientation."""
+    """Rotate hip and knee in place: the ankle moves by `shift` (frame, 3) [m], the foot keeps its orientation."""
     sk = rig.skeleton
     hip, knee, ankle = (JOINT[f"{side}_{j}"] for j in ("hip", "knee", "ankle"))
     target = positions[:, ankle] + shift
-    # the knee keeps facing the way it did
+    # the knee keeps its direction
     forward = joints[:, hip] @ X + joints[:, knee] @ X
     _, thigh, shank = two_bone(
         positions[:, hip], target, forward, sk.length(f"{side}_knee"), sk.length(f"{side}_ankle")

@@ -1,4 +1,4 @@
-"""Who the person is, in natural units, and anny's parameters for it."""
+"""Attributes of a person in natural units, and anny's parameters for them."""
 
 from __future__ import annotations
 
@@ -11,32 +11,34 @@ from scipy.optimize import brentq
 from rfgen_sionna.generative.bodies.anny_rig import build_rig, rest_shape, stature_and_mass
 from rfgen_sionna.generative.bodies.rig import Rig
 
-# Years against anny's age parameter, and the Beta distribution of its height parameter while growing up (boys):
-# the calibration that anny ships (data/shape_calibration/boys.pth), matched there to the WHO's growth charts.
+# Years over anny's age parameter, and the Beta distribution of its height parameter for boys: anny's calibration to the
+# WHO's growth charts (data/shape_calibration/boys.pth).
 _YEARS = (0.0, 1.0, 4.0, 11.0, 16.0, 18.0, 64.0, 110.0)
 _AGE_PARAMETER = (0.0, 0.05, 0.215, 0.415, 0.67, 0.77, 0.83, 1.0)
 _GROWTH_AGES = (0.0, 0.05, 0.215, 0.415, 0.67)
 _GROWTH_ALPHA = (21.596, 51.978, 22.147, 13.405, 16.496)
 _GROWTH_BETA = (58.601, 57.36, 45.859, 22.105, 25.656)
 
-# Stature of adults, mean and standard deviation [m]: ANSUR II (2012), men and women.
 _STATURE = ((1.756, 0.069), (1.628, 0.064))
-# Body mass index [kg/m^2] of adults: most of the WHO's normal and overweight bands.
+"""Stature of men and women, mean and standard deviation [m]: ANSUR II (2012)."""
 _MASS_INDEX = (24.5, 3.0, 19.0, 31.0)
+"""Body mass index of adults, mean, deviation, bounds [kg/m^2]: most of the WHO's normal and overweight bands."""
 
 HEAVIEST = 1.25
-"""anny's weight parameter may pass 1 so far, by its linear extrapolation, for soft bodies that need it."""
+"""Upper bound of anny's weight parameter for soft bodies, by its linear extrapolation beyond 1."""
 THINNEST_MUSCLE = 0.15
-"""How little muscle a thin person may have for the sake of a low weight."""
+"""Lower bound of the muscle parameter of a thin person with a low weight."""
 _HEIGHT_TOLERANCE = 1e-3
+"""Upper bound of the error of a fitted stature [m]: a millimetre."""
 _ROUNDS = 10
+"""Upper bound of the rounds of fitting height and weight in turn; two or three suffice."""
 
 LIMITS = {"age": (2.0, 100.0), "height": (0.8, 2.3), "weight": (8.0, 250.0), "muscle": (0.0, 1.0)}
 GENDERS = {"male": 0.0, "female": 1.0}
 
 
 class PhenotypeError(ValueError):
-    """A body that cannot be had: a value out of range or out of anny's reach."""
+    """An attribute out of range or out of anny's reach."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,9 @@ class Phenotype:
     age: float | None = None
     """[years]; drawn from 18 to 75."""
     height: float | None = None
-    """Stature [m]; drawn for adults from the distribution of their gender, for minors from that of their age."""
+    """Stature [m]; drawn from the distribution of the gender for adults, of the age for minors."""
     weight: float | None = None
-    """Body mass [kg]; drawn for adults by way of the body mass index."""
+    """Body mass [kg]; drawn for adults from a distribution of the body mass index."""
     muscle: float | None = None
     """0 (weak) to 1 (very muscular)."""
 
@@ -70,12 +72,10 @@ class Phenotype:
                 raise PhenotypeError(f"{name}: {value!r}; allowed is {low:g} to {high:g}")
 
     def complete(self, seed: int) -> dict[str, float]:
-        """anny's parameters (each 0 .. 1), with what is None drawn from `seed`.
-
-        Each attribute has its own stream, so that giving one leaves the others as they were.
+        """anny's parameters (each 0 .. 1); attributes that are None are drawn from `seed`, each from its own stream.
 
         Raises:
-            PhenotypeError: height or weight out of what anny reaches for the other attributes.
+            PhenotypeError: height or weight out of anny's reach for the other attributes.
         """
         gender_rng, age_rng, height_rng, weight_rng, muscle_rng, shape_rng = (
             np.random.default_rng([seed, 13, i]) for i in range(6)
@@ -105,7 +105,7 @@ class Phenotype:
             mean, spread, low, high = _MASS_INDEX
             index = float(np.clip(mean + spread * weight_rng.standard_normal(), low, high))
             weight, insist = index * height**2, False
-        # height depends a little on weight and muscle, so the two are solved in turns
+        # height depends a little on weight and muscle: solved in turns
         for _ in range(1 if weight is None else _ROUNDS):
             if height is not None:
                 parameters["height"] = _solve(parameters, "height", height, lambda p: _measure(p)[0], "m")
@@ -117,13 +117,13 @@ class Phenotype:
         return parameters
 
     def _fit_weight(self, parameters: dict[str, float], goal: float, insist: bool) -> None:
-        """Find the weight parameter; where it does not suffice, muscle gives way unless it was asked for.
+        """Fit the weight parameter, and a muscle parameter that is None, to the mass `goal` [kg].
 
-        A mass that was only drawn (`insist` is false) is met as far as possible.
+        `insist` raises an error for a mass out of reach; otherwise the nearest one is taken.
         """
         least, most = (_measure({**parameters, "weight": w})[1] for w in (0.0, 1.0))
         if self.muscle is None and goal > most:
-            # at full weight the mass falls as muscle grows: less of it makes the heavier body
+            # at full weight less muscle makes the heavier body
             soft = {**parameters, "weight": 1.0}
             utmost = _measure({**soft, "muscle": 0.0})[1]
             if goal <= utmost:
@@ -181,7 +181,7 @@ def _solve(
     unit: str,
     top: float = 1.0,
 ) -> float:
-    """Value of a parameter in [0, `top`] at which the increasing `measure` reaches `goal`."""
+    """Value of a parameter in [0, `top`] at which the increasing `measure` is `goal`."""
     low, high = (measure({**parameters, name: v}) for v in (0.0, top))
     if not low <= goal <= high:
         raise PhenotypeError(_out_of_reach(name, goal, low, high, unit))
@@ -189,7 +189,7 @@ def _solve(
 
 
 def describe(rig: Rig) -> Phenotype:
-    """The person that a body is, as far as it tells: all attributes where it was made by :func:`person`."""
+    """Attributes of a body: all for one by :func:`person`, height and weight for others."""
     if rig.parameters is None:
         return Phenotype(height=rig.height, weight=rig.mass)
     p = rig.parameters
@@ -203,14 +203,14 @@ def describe(rig: Rig) -> Phenotype:
 
 
 def person(phenotype: Phenotype | None = None, *, seed: int = 0) -> Rig:
-    """The rigged body of a person.
+    """Rigged body of a person.
 
     Args:
-        phenotype: what is known of the person; None leaves everything to the seed.
-        seed: seed of what is not known.
+        phenotype: attributes of the person; None draws all of them.
+        seed: seed of the draws.
 
     Raises:
-        PhenotypeError: a value out of range or out of anny's reach.
+        PhenotypeError: an attribute out of range or out of anny's reach.
         ImportError: anny (or torch) is not installed.
     """
     return build_rig((phenotype or Phenotype()).complete(seed))

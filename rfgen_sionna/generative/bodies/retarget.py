@@ -1,4 +1,4 @@
-"""A motion on a rigged body: bone rotations from joint rotations, the root scaled to the legs."""
+"""Retargeting of a motion to a rigged body: bone rotations from joint rotations, root path scaled to the legs."""
 
 from __future__ import annotations
 
@@ -12,23 +12,22 @@ from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, PARENTS,
 from rfgen_sionna.records import Motion
 
 RELAXED_CURL = 0.3
-"""Flexion of each finger joint [rad] where a motion has no fingers."""
+"""Flexion of each finger joint of a motion without fingers [rad]: a relaxed hand."""
 
 
 def same_proportions(motion: Motion, skeleton: Skeleton) -> bool:
-    """Whether the motion was made for exactly this skeleton."""
-    return motion.offsets.shape == skeleton.offsets.shape and bool(
-        np.allclose(motion.offsets, skeleton.offsets, atol=1e-6)
-    )
+    """Whether the motion has exactly this skeleton."""
+    same = motion.offsets.shape == skeleton.offsets.shape
+    return same and bool(np.allclose(motion.offsets, skeleton.offsets, atol=1e-6))
 
 
 def joint_rotations(motion: Motion) -> FloatArray:
     """(frame, 52, 3, 3) world rotations of all joints relative to the T-pose.
 
-    Joints that the motion lacks follow their parent; fingers it lacks are relaxed.
+    Missing joints follow their parents; missing fingers are relaxed.
 
     Raises:
-        ValueError: a joint name of the motion is not one of the skeleton's, or the pelvis is missing.
+        ValueError: unknown joint names, or no pelvis.
     """
     unknown = [name for name in motion.joint_names if name not in JOINT]
     if unknown or "pelvis" not in motion.joint_names:
@@ -69,8 +68,7 @@ def root_translation(motion: Motion, skeleton: Skeleton) -> FloatArray:
 def bone_rotations(rig: Rig, joints: FloatArray) -> FloatArray:
     """(frame, bone, 3, 3) world rotations relative to the mesh's rest pose, from (frame, 52, 3, 3) joint rotations.
 
-    Where a rig has bones between two joints, they share the turn: the spine bends evenly, and forearm and upper arm
-    twist along their length as skin does.
+    Bones between two joints share their rotation: along the spine, and the twist of forearm and upper arm.
     """
     out = joints[:, rig.bone_joints] @ rig.to_t_pose
     index = {name: b for b, name in enumerate(rig.bone_names)}

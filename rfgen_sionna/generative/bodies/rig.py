@@ -1,8 +1,8 @@
-"""A rigged mesh: vertices, bones and weights in plain NumPy, so that tracing needs no torch."""
+"""Rigged mesh in NumPy, without torch: vertices, bones, weights, parts and skeleton."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,16 +10,19 @@ import numpy as np
 from scipy import sparse
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.generative.motion.skeleton import Skeleton
+from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, SIDES, Skeleton
+
+_DENSITY = 980.0
+"""Mean density of a body [kg/m^3]: anny's anthropometry."""
+PART_NAMES: tuple[str, ...] = (
+    "head", "torso",
+    *(f"{side}_{part}" for side in SIDES for part in ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Rig:
-    """A body at rest, in our frame (facing +x, left at +y, z up), and what its bones move.
-
-    `to_t_pose` turns each bone from the mesh's own rest pose (arms half down) into the T-pose in which
-    :class:`~rfgen_sionna.generative.motion.Skeleton` and every :class:`~rfgen_sionna.records.Motion` count.
-    """
+    """Rigged body in its rest pose, facing +x with +y to the left and z up."""
 
     vertices: FloatArray
     """(vertex, 3) rest positions [m]."""
@@ -33,11 +36,11 @@ class Rig:
     heads: FloatArray
     """(bone, 3) rest position of each bone's joint [m]."""
     to_t_pose: FloatArray
-    """(bone, 3, 3) rotation from the mesh's rest pose to the T-pose."""
+    """(bone, 3, 3) rotation from the mesh's rest pose to the T-pose, the reference of skeletons and motions."""
     joint_bones: IntArray
     """(52,) bone whose head is each joint of the skeleton."""
     turn_bones: IntArray
-    """(52,) bone that turns as each joint does; where a limb twists along its length, the end of the twist."""
+    """(52,) bone with each joint's rotation; of a twisted limb, its last bone."""
     bone_joints: IntArray
     """(bone,) joint that each bone follows."""
     skeleton: Skeleton
@@ -49,11 +52,11 @@ class Rig:
     mass: float
     """Body mass [kg]."""
     parameters: Mapping[str, float] | None = None
-    """The body model's parameters, where it was made from such."""
+    """Parameters of the body model; None if unknown."""
 
     @cached_property
     def ancestors(self) -> FloatArray:
-        """(bone, bone) 1 where the column is the row's bone or one of its ancestors below the root."""
+        """(bone, bone) 1 if the column is the row's bone or one of its ancestors below the root."""
         chain = np.zeros((len(self.heads), len(self.heads)))
         for b, p in enumerate(self.bone_parents):
             if p >= 0:
@@ -80,28 +83,99 @@ class Rig:
         return sparse.csr_array((data, (rows, columns)), shape=(len(self.vertices), 4 * len(self.heads)))
 
     def bone_heads(self, rotations: FloatArray, translation: FloatArray) -> FloatArray:
-        """Bone head positions.
+        """(..., bone, 3) positions of the bone heads [m].
 
         Args:
             rotations: (..., bone, 3, 3) world rotations relative to the mesh's rest pose.
             translation: (..., 3) world position of the root bone's head [m].
-
-        Returns:
-            (..., bone, 3) positions [m].
         """
         parents = np.maximum(self.bone_parents, 0)
         steps = np.einsum("...bij,bj->...bi", rotations[..., parents, :, :], self.head_offsets)
         return np.einsum("ab,...bi->...ai", self.ancestors, steps) + translation[..., None, :]
 
     def skin(self, rotations: FloatArray, translation: FloatArray, rows: IntArray | None = None) -> FloatArray:
-        """(vertex, 3) linear blend skinning of one pose [m]; `rows` picks vertices.
+        """(vertex, 3) vertices of one pose by linear blend skinning [m].
 
         Args:
             rotations: (bone, 3, 3) world rotations relative to the mesh's rest pose.
             translation: (3,) world position of the root bone's head [m].
+            rows: indices of the vertices; None takes all.
         """
         heads = self.bone_heads(rotations, translation)
         shift = heads - np.einsum("bij,bj->bi", rotations, self.heads)
         transforms = np.concatenate([np.swapaxes(rotations, -1, -2), shift[:, None, :]], axis=1).reshape(-1, 3)
         skin = self._skin if rows is None else self._skin[rows]
         return skin @ transforms
+
+
+def label_faces(faces: IntArray, weights: sparse.csr_array, bone_parts: Sequence[str]) -> IntArray:
+    """(face,) index into `PART_NAMES`: the part with the largest skinning weights at the face's corners.
+
+    Args:
+        faces: (face, 3) vertex indices.
+        weights: (vertex, bone) skinning weights.
+        bone_parts: (bone,) name of each bone's part.
+    """
+    of_bone = np.array([PART_NAMES.index(part) for part in bone_parts])
+    membership = sparse.csr_array(
+        (np.ones(len(of_bone)), (np.arange(len(of_bone)), of_bone)), shape=(len(of_bone), len(PART_NAMES))
+    )
+    share = (weights @ membership).toarray()
+    return np.argmax(share[faces].sum(axis=1), axis=1).astype(np.int32)
+
+
+def body_mass(vertices: FloatArray, faces: IntArray) -> float:
+    """Mass [kg] of a closed body of vertices (vertex, 3) [m] and faces (face, 3)."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    volume = abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6.0
+    return _DENSITY * volume
+
+
+def trunk_vertices(faces: IntArray, face_parts: IntArray) -> IntArray:
+    """Indices of the vertices of torso and thighs."""
+    trunk = [PART_NAMES.index(part) for part in ("torso", "left_thigh", "right_thigh")]
+    return np.unique(faces[np.isin(face_parts, trunk)])
+
+
+def measured_skeleton(
+    offsets: FloatArray, joints: FloatArray, soles: Sequence[FloatArray], trunk: FloatArray
+) -> Skeleton:
+    """Skeleton of a body in the T-pose.
+
+    Args:
+        offsets: (52, 3) joint positions relative to their parents [m].
+        joints: (52, 3) joint positions from the pelvis [m].
+        soles: (vertex, 3) vertices of the left and of the right foot from their ankles [m].
+        trunk: (vertex, 3) vertices of torso and thighs from the pelvis [m].
+    """
+    floors = [float(sole[:, 2].min()) for sole in soles]
+    heels = [[_heel_pivot(sole, floor), 0.0, floor] for sole, floor in zip(soles, floors, strict=True)]
+    toes = [offsets[JOINT[f"{side}_foot"], 2] - floor for side, floor in zip(SIDES, floors, strict=True)]
+    ankle = float(np.mean([-floor for floor in floors]))
+    return Skeleton(offsets, ankle, np.array(heels), float(np.mean(toes)), _arm_slope(joints, trunk))
+
+
+def _heel_pivot(sole: FloatArray, floor: float) -> float:
+    """Pivot under the heel (x from the ankle [m]) of a foot with raised toes.
+
+    A heel is round: the pivot leaves the smallest gap or dent from 0 to 20 degrees.
+    """
+    candidates = np.linspace(sole[:, 0].min(), 0.0, 41)
+    worst = np.zeros_like(candidates)
+    for angle in np.radians(np.arange(2.0, 21.0, 3.0)):
+        # height of a point (x, z) over a pivot (p, floor), toes up by the angle
+        lowest = float(np.min(sole[:, 0] * np.sin(angle) + (sole[:, 2] - floor) * np.cos(angle)))
+        worst = np.maximum(worst, np.abs(lowest - candidates * np.sin(angle)))
+    return float(candidates[np.argmin(worst)])
+
+
+def _arm_slope(joints: FloatArray, trunk: FloatArray) -> float:
+    """Sideways over down of a hanging arm that just clears trunk and thighs."""
+    shoulder, elbow, wrist = (joints[JOINT_NAMES.index(f"left_{j}")] for j in ("shoulder", "elbow", "wrist"))
+    length = float(np.linalg.norm(elbow - shoulder) + np.linalg.norm(wrist - elbow))
+    down = shoulder[2] - trunk[:, 2]
+    # half a forearm's thickness; the uppermost third of an arm touches every chest
+    thick = 0.08 * length
+    clear = (down > 0.35 * length) & (down < 1.25 * length)
+    slope = (trunk[clear, 1] + thick - shoulder[1]) / down[clear]
+    return float(np.clip(slope.max(), 0.05, 0.5))

@@ -1,9 +1,8 @@
-"""A mesh sequence from sampled vertices: scans, simulations, exports of other programs."""
+"""Mesh sequences from sampled vertices: scans, simulations, exports of other programs."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
@@ -20,7 +19,7 @@ MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
 @dataclass(frozen=True, eq=False)
 class SampledSequence:
-    """Vertices given at a fixed rate, on C² splines between; a :class:`~rfgen_sionna.records.MeshSequence`."""
+    """Vertices on C² splines through samples of a fixed rate; a :class:`~rfgen_sionna.records.MeshSequence`."""
 
     samples: FloatArray
     """(frame, vertex, 3) positions [m]."""
@@ -60,33 +59,30 @@ class SampledSequence:
         return np.empty((0, 3))
 
 
-def load_mesh_sequence(
-    source: str | PathLike[str] | Sequence[str | PathLike[str]], *, frame_rate: float, name: str = "mesh"
-) -> SampledSequence:
+def load_mesh_sequence(source: str | PathLike[str], *, frame_rate: float, name: str = "mesh") -> SampledSequence:
     """Read a sequence of meshes of fixed connectivity, in metres.
 
     Args:
-        source: a folder (its OBJ, PLY, STL, OFF and glTF files in the order of the numbers in their names), or the
-            files in order.
+        source: a folder of OBJ, PLY, STL, OFF and glTF files, in the order of the numbers in their names, or one file.
         frame_rate: frames per second [Hz].
-        name: name of the mesh's one part.
+        name: name of the mesh's part.
 
     Raises:
-        FileNotFoundError: a file or the folder does not exist.
-        ClipError: no meshes, a file without triangles or with values that are not finite, connectivity that changes,
-            or a frame rate that is not positive.
+        FileNotFoundError: the file or folder does not exist.
+        ClipError: no meshes, no triangles, values that are not finite, changing connectivity, or a frame rate that is
+            not positive.
     """
     import trimesh
 
     if not (np.isfinite(frame_rate) and frame_rate > 0.0):
         raise ClipError(f"frame_rate: {frame_rate!r} Hz; allowed is more than 0")
-    files = _files(source)
+    files = _files(Path(source))
     samples: list[FloatArray] = []
     faces = np.empty((0, 3), np.int32)
     for file in files:
         try:
             mesh = trimesh.load_mesh(file, process=False)
-        except Exception as error:  # whatever trimesh's reader of this format stumbles over
+        except Exception as error:  # trimesh's readers raise many kinds
             raise ClipError(f"{file.name}: not a readable mesh ({type(error).__name__}: {error})") from error
         vertices, triangles = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
         if len(triangles) == 0:
@@ -104,20 +100,10 @@ def load_mesh_sequence(
     return SampledSequence(np.stack(samples), faces, float(frame_rate), (name,))
 
 
-def _files(source: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Path]:
-    if isinstance(source, (str, PathLike)):
-        folder = Path(source)
-        if not folder.exists():
-            raise FileNotFoundError(f"no mesh sequence {folder}")
-        found = [p for p in folder.iterdir() if p.suffix.lower() in MESH_SUFFIXES] if folder.is_dir() else [folder]
-        files = sorted(found, key=lambda p: [int(s) if s.isdigit() else s for s in re.split(r"(\d+)", p.name)])
-        if not files:
-            raise ClipError(f"{folder.name}: holds no meshes; readable are {', '.join(MESH_SUFFIXES)}")
-        return files
-    files = [Path(p) for p in source]
-    if not files:
-        raise ClipError("source: no files given")
-    for file in files:
-        if not file.is_file():
-            raise FileNotFoundError(f"no mesh file {file}")
-    return files
+def _files(folder: Path) -> list[Path]:
+    if not folder.exists():
+        raise FileNotFoundError(f"no mesh sequence {folder}")
+    found = [p for p in folder.iterdir() if p.suffix.lower() in MESH_SUFFIXES] if folder.is_dir() else [folder]
+    if not found:
+        raise ClipError(f"{folder.name}: holds no meshes; readable are {', '.join(MESH_SUFFIXES)}")
+    return sorted(found, key=lambda p: [int(s) if s.isdigit() else s for s in re.split(r"(\d+)", p.name)])

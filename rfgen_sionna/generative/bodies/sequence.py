@@ -1,4 +1,4 @@
-"""A rigged body in motion: a mesh whose vertices are C² functions of time."""
+"""Mesh sequence of a rigged body in motion."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.generative.bodies.grounding import stand_on_floor
+from rfgen_sionna.generative.bodies.retarget import bone_rotations, joint_rotations, root_translation, same_proportions
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES
+from rfgen_sionna.records import Motion
 
 
 @dataclass(frozen=True, eq=False)
 class BodySequence:
-    """A body posed by rotations and a root path; a :class:`~rfgen_sionna.records.MeshSequence`.
+    """Body posed by bone rotations and a root path; a :class:`~rfgen_sionna.records.MeshSequence`.
 
-    Bones turn along cubic splines through their unit quaternions, normalised at each instant, and the root moves along
-    a cubic spline: both are C², so vertices have continuous velocity and acceleration. Skinning is linear blending in
-    float64.
+    Cubic splines join the root positions and the bones' quaternions, which are then normalised: vertices have
+    continuous velocity and acceleration. Skinning is linear blending in float64.
     """
 
     rig: Rig
@@ -84,3 +86,18 @@ class BodySequence:
         rotations, _ = self.pose(t)
         bones = self.rig.turn_bones
         return rotations[bones] @ np.swapaxes(self.rig.to_t_pose[bones], -1, -2)
+
+
+def animate(rig: Rig, motion: Motion) -> BodySequence:
+    """Mesh sequence of a body that performs a motion, its feet on the floor z = 0.
+
+    A motion of another skeleton is scaled to the body's legs, set on the floor, and its planted feet are held in place.
+
+    Raises:
+        ValueError: the motion has unknown joints, or no pelvis.
+    """
+    joints = joint_rotations(motion)
+    translation = root_translation(motion, rig.skeleton)
+    if not same_proportions(motion, rig.skeleton):
+        joints, translation = stand_on_floor(rig, joints, translation, motion.contacts, motion.frame_rate)
+    return BodySequence(rig, bone_rotations(rig, joints), translation, motion.frame_rate)

@@ -1,7 +1,7 @@
-"""Bodies of the SMPL family from the user's own licensed model files, read out into a :class:`Rig`.
+"""Bodies of the SMPL family from the user's own licensed model files, as a :class:`Rig`.
 
-The files are not part of this package and can't be: each user gets them from the Max Planck Institute under its terms.
-Shape and skinning are used; corrective shapes that depend on the pose (`posedirs`) are not.
+Users get the files from the Max Planck Institute under its terms. Shape and skinning are used; corrective shapes by
+pose (`posedirs`) are not.
 """
 
 from __future__ import annotations
@@ -14,9 +14,14 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.bodies.body_parts import PART_NAMES, label_faces_by
-from rfgen_sionna.generative.bodies.rig import Rig
-from rfgen_sionna.generative.bodies.tpose import arm_slope, heel_pivot
+from rfgen_sionna.generative.bodies.rig import (
+    PART_NAMES,
+    Rig,
+    body_mass,
+    label_faces,
+    measured_skeleton,
+    trunk_vertices,
+)
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, NUM_BODY_JOINTS, PARENTS, SIDES
 
@@ -37,22 +42,20 @@ _FOLLOWS = {
     "left_hand": "left_wrist",
     "right_hand": "right_wrist",
 }
-_DENSITY = 980.0
-"""Mean density of a body [kg/m^3]."""
 _SHAPES = 10
 """Shape parameters that are drawn from a seed."""
 
 
 class BodyFileError(ValueError):
-    """A body model file that cannot be used."""
+    """The body model file cannot be used."""
 
 
 def smpl_file(folder: str | PathLike[str], model: str = "smplx", gender: str = "neutral") -> Path:
-    """Where a model's file belongs: `folder/smplx/SMPLX_NEUTRAL.npz` and the like, as in the package `smplx`.
+    """Path of a model's file, such as `folder/smplx/SMPLX_NEUTRAL.npz`, as in the package `smplx`.
 
     Raises:
         BodyFileError: unknown model or gender.
-        FileNotFoundError: the file isn't there; the message says which one it is, where it goes and who gives it out.
+        FileNotFoundError: there is no such file; the message names it, its place and its source.
     """
     if model not in _JOINTS:
         raise BodyFileError(f"model: {model!r}; allowed are {', '.join(_JOINTS)}")
@@ -75,17 +78,17 @@ def smpl_person(
     betas: ArrayLike | None = None,
     seed: int = 0,
 ) -> Rig:
-    """The rigged body of a model of the SMPL family.
+    """Rigged body of a model of the SMPL family.
 
     Args:
-        folder: where the user's model files are, see :func:`smpl_file`.
+        folder: folder of the user's model files (:func:`smpl_file`).
         model: "smpl", "smplh" or "smplx".
         gender: "neutral", "female" or "male".
-        betas: shape parameters; None draws ten from the seed, of the model's own distribution.
-        seed: of the shape.
+        betas: shape parameters; None draws ten from the model's distribution.
+        seed: seed of the shape.
 
     Raises:
-        BodyFileError: unknown model or gender, shape parameters that do not fit, or a file that does not.
+        BodyFileError: unknown model or gender, wrong shape parameters, or an invalid file.
         FileNotFoundError: the licensed file is missing.
     """
     path = smpl_file(folder, model, gender)
@@ -101,17 +104,15 @@ def smpl_person(
     theirs = np.asarray(data["v_template"], np.float64) + shapes[..., : len(shape)] @ shape
     vertices = _our_frame(theirs)
     heads = _our_frame(np.asarray(data["J_regressor"], np.float64) @ theirs)
-    # over the floor, as every other rest pose
+    # on the floor
     lift = np.array([0.0, 0.0, vertices[:, 2].min()])
     vertices, heads = vertices - lift, heads - lift
     faces = np.asarray(data["f"], np.int32)
     weights = sparse.csr_array(np.asarray(data["weights"], np.float64))
     joints = [_FOLLOWS.get(name, name) for name in names]
     follows = np.array([JOINT[j] for j in joints], np.int32)
-    face_parts = label_faces_by(faces, weights, [_part(j) for j in joints])
+    face_parts = label_faces(faces, weights, [_part(j) for j in joints])
     bones = np.array([_bone(name, names) for name in JOINT_NAMES], np.int32)
-    corners = vertices[faces]
-    volume = abs(float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])))) / 6.0
     return Rig(
         vertices=vertices,
         faces=faces,
@@ -119,7 +120,7 @@ def smpl_person(
         bone_names=names,
         bone_parents=_parents(data["kintree_table"]),
         heads=heads,
-        # these models rest in the T-pose in which motions count
+        # the rest pose is the T-pose
         to_t_pose=np.broadcast_to(np.eye(3), (len(names), 3, 3)).copy(),
         joint_bones=bones,
         turn_bones=bones,
@@ -128,7 +129,7 @@ def smpl_person(
         part_names=PART_NAMES,
         face_parts=face_parts,
         height=float(np.ptp(vertices[:, 2])),
-        mass=_DENSITY * volume,
+        mass=body_mass(vertices, faces),
     )
 
 
@@ -166,7 +167,7 @@ def _parents(table: np.ndarray) -> tuple[int, ...]:
 
 
 def _bone(joint: str, names: tuple[str, ...]) -> int:
-    """The bone of a joint; fingers that a model lacks are its hands."""
+    """Bone of a joint; the hand replaces missing fingers."""
     if joint in names:
         return names.index(joint)
     return names.index(joint.partition("_")[0] + "_hand")
@@ -192,34 +193,22 @@ def _skeleton(
     faces: np.ndarray,
     face_parts: np.ndarray,
 ) -> Skeleton:
-    """Bone lengths, soles and girth at rest."""
+    """Skeleton in the rest pose."""
     offsets = np.zeros((len(JOINT_NAMES), 3))
     for j, p in enumerate(PARENTS):
         if p >= 0 and JOINT_NAMES[j] in names:
             offsets[j] = heads[names.index(JOINT_NAMES[j])] - heads[names.index(JOINT_NAMES[p])]
     fore = np.linalg.norm(offsets[JOINT["left_wrist"]])
     missing = [j for j, name in enumerate(JOINT_NAMES) if name not in names]
-    # a hand without fingers keeps usual ones, so that motions with fingers fit
+    # missing fingers are those of the mean adult, scaled by the forearm
     offsets[missing] = MEAN_ADULT.offsets[missing] * (fore / np.linalg.norm(MEAN_ADULT.offsets[JOINT["left_wrist"]]))
-    heels, ankle_heights, toe_heights = [], [], []
+    soles = []
     for side in SIDES:
         ankle, toe = (names.index(f"{side}_{j}") for j in ("ankle", "foot"))
         moved = np.asarray(weights[:, [ankle, toe]].sum(axis=1)).ravel() > 0.9
-        sole = vertices[moved] - heads[ankle]
-        floor = float(sole[:, 2].min())
-        heels.append([heel_pivot(sole, floor), 0.0, floor])
-        ankle_heights.append(-floor)
-        toe_heights.append(offsets[JOINT[f"{side}_foot"], 2] - floor)
-    trunk = [PART_NAMES.index(part) for part in ("torso", "left_thigh", "right_thigh")]
-    around = np.unique(faces[np.isin(face_parts, trunk)])
+        soles.append(vertices[moved] - heads[ankle])
     joints = np.zeros_like(offsets)
     for j, p in enumerate(PARENTS):
         if p >= 0:
             joints[j] = joints[p] + offsets[j]
-    return Skeleton(
-        offsets,
-        float(np.mean(ankle_heights)),
-        np.array(heels),
-        float(np.mean(toe_heights)),
-        arm_slope(joints, vertices[around] - heads[0]),
-    )
+    return measured_skeleton(offsets, joints, soles, vertices[trunk_vertices(faces, face_parts)] - heads[0])

@@ -13,8 +13,7 @@ from types import MappingProxyType
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.environment_prompt import PLACE_PATTERNS, EnvironmentPrompt
 from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names
-from rfgen_sionna.generative.negation import negation_in
-from rfgen_sionna.generative.text_reader import Reader, inflected, normalise
+from rfgen_sionna.generative.text_reader import Reader, inflected, negation_in, normalise
 from rfgen_sionna.generative.vocabulary import FILLERS, SCENE_PATTERNS
 
 NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(

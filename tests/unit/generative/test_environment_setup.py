@@ -211,14 +211,15 @@ def test_path_diffusion_that_is_refused_is_not_imported(tiny_toml: Path) -> None
     pytest.importorskip("diffusers", reason="the models need it")
     code = """
 import sys
-from rfgen_sionna.generative.environment_setup import Imagining, set_up
+from rfgen_sionna.generative.environment_setup import ImageOptions, set_up_environment
 from rfgen_sionna.generative.environment_prompt import parse_environment
 from rfgen_sionna.radar import Radar
 radar = Radar.load(sys.argv[1], position=(0, 0, 1), look_at=(3, 0, 1))
-made = set_up(parse_environment("an office"), "diffusion", radar, seed=0, imagining=Imagining(refine=False))
+request, options = parse_environment("an office"), ImageOptions(refine=False)
+made = set_up_environment(request, "diffusion", radar, seed=0, image_options=options)
 assert made.environment is not None and made.refiner is None
 assert "rfgen_sionna.generative.environment.environment_diffusion" in sys.modules
-for name in ("refine", "doubt", "judge"):
+for name in ("path_diffusion", "confidence_gate", "classifier"):
     assert f"rfgen_sionna.generative.environment.{name}" not in sys.modules, name
 """
     done = subprocess.run([sys.executable, "-c", code, str(tiny_toml)], capture_output=True, text=True, check=False)

@@ -285,7 +285,7 @@ def test_other_endings_and_missing_files_are_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (np.zeros((30, 263)), "joints lie in one place"),
+        (np.zeros((30, 263)), "joints coincide"),
         (np.random.default_rng(0).normal(size=(30, 263)), "Std.npy, and Mean.npy"),
         (np.zeros((30, 251)), r"\(30, 251\); allowed are"),
         (np.zeros((1, 30, 263)), "allowed are"),

@@ -68,6 +68,7 @@ def glb(path: Path, *, interpolation: str = "LINEAR", extra: dict | None = None)
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CUBICSPLINE"])
 def test_a_skin_follows_its_joints(tmp_path: Path, interpolation: str) -> None:
     made = load_animation(glb(tmp_path / "arm.glb", interpolation=interpolation), frame_rate=10.0)
+    assert is_animated(tmp_path / "arm.glb")
     assert isinstance(made, MeshSequence)
     assert made.duration == pytest.approx(1.0)
     # glTF's (x, y, z) is our (z, x, y) read as (y, z, x): x to the left, y up, z ahead
@@ -79,19 +80,11 @@ def test_a_skin_follows_its_joints(tmp_path: Path, interpolation: str) -> None:
     assert np.allclose(bone, np.sqrt(2.0), atol=1e-6)
 
 
-def test_loops_are_repeated_and_scaled(tmp_path: Path) -> None:
-    path = glb(tmp_path / "arm.glb")
-    made = load_animation(path, frame_rate=10.0, animation="bend", repeat=3, scale=0.5)
-    assert made.duration == pytest.approx(3.0)
-    assert np.allclose(made.samples[0], load_animation(path).samples[0] * 0.5)
-    assert is_animated(path)
-
-
 def test_files_that_cannot_be_used_are_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="none"):
         load_animation(tmp_path / "none.glb")
     with pytest.raises(ClipError, match="it has bend"):
-        load_animation(glb(tmp_path / "arm.glb"), animation="run")
+        load_animation(glb(tmp_path / "arm.glb"), animation=1)
     (tmp_path / "text.glb").write_bytes(b"not a mesh at all, but long enough")
     with pytest.raises(ClipError, match="not a GLB"):
         load_animation(tmp_path / "text.glb")
