@@ -263,7 +263,7 @@ def test_tessellation_leaves_out_what_is_far():
 
 def test_tessellation_refuses_what_no_machine_can_hold():
     vertices = np.array([[0.1, -9, -9], [0.1, 9, -9], [0.1, 0, 9]])
-    with pytest.raises(ValueError, match=r"rtol is 1e-08: it takes more than 10,000 facets"):
+    with pytest.raises(ValueError, match=r"rtol is 1e-08: this scene takes more than 10,000 facets"):
         tessellate(vertices, np.array([[0, 1, 2]], dtype=np.int32), np.zeros(3), 77e9, 1e-8, limit=10_000)
 
 

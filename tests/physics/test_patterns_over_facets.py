@@ -101,7 +101,7 @@ def test_a_narrow_beam_on_a_wide_plate(width, turn, tilt, rtol):
 
 
 def test_what_facets_leave_out_of_a_narrow_beam_is_stated(monkeypatch):
-    monkeypatch.setattr(fineness, "PATTERN", np.inf)
+    monkeypatch.setattr(fineness, "PATTERN_CHANGE", np.inf)
     radar, plate = narrow(6.0, 0.0), wide_plate()
     tracer = Tracer(None, radar, [plate], 1e-2)
     error = abs(weighted(tracer.instant(0.0), radar) / dense(plate.vertices(0.0), plate.faces, radar, 700) - 1.0)

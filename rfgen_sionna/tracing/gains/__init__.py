@@ -1,13 +1,12 @@
 """Facet gains of all element pairs over the band.
 
-===========  =========================================
-module       what
-===========  =========================================
-`beam`       the antennas' gain towards places
-`diffuse`    what rough surfaces add
-`expansion`  gains of all pairs from a few values
-`probes`     exact gains of some pairs to compare with
-`band`       facet gains over the band
-`accuracy`   what they err by
-===========  =========================================
+=================  ===================================================
+module             content
+=================  ===================================================
+`element_pattern`  two-way pattern gain and its gradient
+`diffuse`          diffuse returns of rough surfaces
+`expansion`        gains of all pairs over the band from few integrals
+`band`             facet gains of one radar over the band
+`error_estimate`   halving test of the gains
+=================  ===================================================
 """

@@ -1,8 +1,8 @@
 """Facet gains for every element pair over the sampled band, from as few integrals as they need.
 
-Without the propagation phase of its centroid a facet's gain changes little from one element to the next and over the
-band. So it is integrated at a few places, and the rest follows (:mod:`rfgen_sionna.tracing.gains.expansion`). With one
-polarisation on both sides reciprocity leaves even powers of the difference of Tx and Rx only.
+Without the propagation phase of its centroid a facet's gain varies little over array and band: few integrals and an
+expansion (:mod:`rfgen_sionna.tracing.gains.expansion`) suffice. With one polarisation on both sides reciprocity leaves
+even powers of the difference of Tx and Rx only.
 """
 
 from __future__ import annotations
@@ -27,33 +27,34 @@ from rfgen_sionna.tracing.shadows.boundary_edges import BoundaryCorrection, Shad
 from rfgen_sionna.tracing.shadows.boundary_integrals import boundary_gains
 from rfgen_sionna.tracing.surface.facets import CANCELLED, Facets, curvature, sum_by_surface
 
-MAX_ORDER = 8
-MAX_DEGREE = 6
+MAX_ORDER, MAX_DEGREE = 8, 6
+"""Bounds of the expansion over the band and over the array: interpolation at more nodes is ill-conditioned."""
 EXPANSION_SHARE = 0.3
-"""Share of the tolerance that an expansion may use up; the rest is left to the facets."""
+"""Share of the tolerance for an expansion; the rest is left to the facets."""
 SLOPE_LIMIT = 0.2
-"""The same for one by slopes, which errs everywhere and not at single pairs alone."""
-ENOUGH, FEW = 20_000, 4_000
-"""Facets that tell which expansion will do, and how many there are of each surface that is judged by itself."""
+"""The same for expansions by slopes, whose error is that of all pairs, not of single ones."""
+PROBE_FACETS, MIN_PROBE_FACETS = 20_000, 4_000
+"""Strongest facets that decide on an expansion, and the least number per tolerance group."""
 MONOSTATIC = 0.5
-"""A baseline whose square is less than this times the tolerance, against the square of the distance, is none."""
+"""Squared ratio of baseline and distance over the tolerance, below which obliquity is monostatic: error a quarter of
+the square."""
 WIDE_ARRAY = 0.1
-"""Reach of an array, over the distance of a facet, from which each pair has its own diffuse return: up to it levels at
-the phase centre are right to 0.2 dB."""
+"""Reach of an array over the distance of a facet, from which each pair has its own diffuse return: error 0.2 dB."""
 MAX_CORRECTION_LANES = 4_000_000
-"""Gains beside shadows' edges that are worked out at once."""
+"""Gains of shadow-boundary corrections per kernel call: bounds the memory."""
 STEADY_FACTOR = 2.0
-"""A band whose square is less than this times the tolerance, against the square of the frequency, is narrow enough to
-try whether what materials reflect may be taken to change linearly over it: 0.1 to 0.2 times that square is missed."""
+"""Squared relative bandwidth over the tolerance, below which reflection may be linear over the band: error 0.1 to 0.2
+of the square."""
 _LOG = logging.getLogger(__name__)
 
 
 class BandTracer:
-    """Facet gains of one radar; positions are taken relative to its phase centre, which keeps their digits."""
+    """Facet gains of one radar over its band."""
 
-    enough = ENOUGH
+    probe_facets = PROBE_FACETS
+    """Largest number of facets that decide on an expansion."""
     tangents = True
-    """Whether slopes of the gains can be had."""
+    """Whether gains have slopes."""
 
     def __init__(self, radar: Radar, rtol: float, seed: int = 0) -> None:
         self.centre = radar.center_frequency
@@ -63,7 +64,7 @@ class BandTracer:
         self._tx = radar.tx_world - self._origin
         self._rx = radar.rx_world - self._origin
         self.fields = radar.tx_field, radar.rx_field
-        # What fields across each other return is little, and most of it for what lies between the elements.
+        # Monostatic obliquity needs equal polarisations.
         self._alike = bool(np.allclose(*self.fields))
         self._rtol, self._seed = rtol, seed
         self._pattern = PatternGain(radar.pattern, radar.rotation)
@@ -71,7 +72,6 @@ class BandTracer:
         self.aperture = self.expansions.aperture
         self.reach = float(lengths(np.concatenate([self._tx, self._rx])).max())  # from the phase centre [m]
         self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
-        # The outermost of three nodes are the root of 3 half bands apart.
         self._steady = 3.0 * self.half_band**2 < STEADY_FACTOR * rtol * self.centre**2
 
     @property
@@ -81,16 +81,16 @@ class BandTracer:
 
     @property
     def elements(self) -> tuple[FloatArray, FloatArray]:
-        """(tx, 3) and (rx, 3) places of the elements [m]."""
+        """(tx, 3) and (rx, 3) positions of the elements [m]."""
         return self._origin + self._tx, self._origin + self._rx
 
     def pattern_gain(self, direction: FloatArray) -> FloatArray:
-        """Two-way field gain of an element towards world directions (..., 3), relative to the peak; shape (...)."""
+        """(...) two-way field gain towards world directions (..., 3), relative to the peak."""
         return self._pattern.gains(direction)
 
     def pattern_gradient(self, facets: Facets, chosen: NDArray[np.intp] | slice = slice(None)) -> FloatArray | None:
-        """How :meth:`pattern_gain` changes over the facets that `chosen` counts out, as
-        :attr:`rfgen_sionna.tracing.surface.facets.Facets.pattern_gradient`."""
+        """(facet, 3) :attr:`rfgen_sionna.tracing.surface.facets.Facets.pattern_gradient` of the `chosen` facets, else
+        0; None if it is 0 everywhere."""
         found = self._pattern.gradients(facets.centroids[chosen] - self._origin)
         if found is None:
             return None
@@ -99,34 +99,32 @@ class BandTracer:
         return pattern_gradient
 
     def frequency(self, u: FloatArray) -> FloatArray:
-        """Frequencies [Hz] at places -1 … 1 of the band."""
+        """Frequencies [Hz] at positions `u`, -1 … 1, of the band."""
         return self.expansions.frequency(u)
 
     def delays(self, centroids: FloatArray, pair: tuple[int, int] | None = None) -> FloatArray:
-        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world]; (facet,) ones for a single pair."""
+        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world]; (facet,) for a single `pair`."""
         places = centroids - self._origin
         if pair is not None:
             return propagation_delays(places, self._tx[pair[0], None], self._rx[pair[1], None])[0, 0]
         return propagation_delays(places, self._tx, self._rx)
 
     def rates(self, centroids: FloatArray, velocities: FloatArray) -> FloatArray:
-        """(tx, rx, facet) rates [s/s] of :meth:`propagation_delays` by way of points that move with `velocities`
-        (facet, 3)
-        [m/s]."""
+        """(tx, rx, facet) rates [s/s] of :meth:`delays`, for points of `velocities` (facet, 3) [m/s]."""
         return delay_rates(centroids - self._origin, velocities, self._tx, self._rx)
 
-    def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
-        """(facet,) delays [s] that the gains of one pair go by."""
+    def pair_delays(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
+        """(facet,) delays [s] of the gains of one pair."""
         return self.delays(facets.centroids, pair)
 
     def __call__(self, facets: Facets, materials: tuple[Material, ...], expansion: Expansion) -> ComplexArray:
-        """(order, tx, rx, facet) gains as polynomials in u; `materials` are those of the facets' surfaces."""
+        """(order, tx, rx, facet) gains as polynomials in u, for the `materials` of the facets' surfaces."""
         return self.combined(expansion, self.values(facets, materials, expansion))
 
     def combined(self, expansion: Expansion, values: ComplexArray) -> ComplexArray:
-        """(order, tx, rx, ...) gains as polynomials in u from (value, ...) what the `expansion` starts from."""
+        """(order, tx, rx, ...) gains as polynomials in u, from the values (value, ...) of the `expansion`."""
         weights = expansion.weights.reshape(-1, len(values))
-        # Real times complex as two real products side by side.
+        # One real product for both parts.
         joined = weights @ np.ascontiguousarray(values).view(np.float64).reshape(len(values), -1)
         return joined.view(np.complex128).reshape(*expansion.weights.shape[:3], *values.shape[1:])
 
@@ -140,27 +138,36 @@ class BandTracer:
         apart: IntArray | None = None,
         strength: FloatArray | None = None,
     ) -> Expansion:
-        """An expansion whose coherent sum is right to `rtol`, over the band and for the outermost pairs, than which the
-        next smaller one is not. With numbers of lots that stand `apart` (surface,) that of each is, else that of all.
+        """Smallest expansion whose coherent sums are right to a share of `rtol`, over the band and the outermost pairs.
 
-        A facet that lies aslant is long against the range resolution: its gain changes over the band, and neighbours
-        that cancel at the centre frequency don't elsewhere; across a wide array it changes as well. Only the sum tells
-        by how much that matters, so it is measured: over the band for one pair, in its middle for the outermost pairs
-        and some between, and then for those at the band's ends. Of very many facets the strongest tell it, by what all
-        return that they are judged with. Not `coherent`, the error is relative to what the facets return without
-        interfering, where that is more. `reference` is that of :meth:`values`, and `strength`
-        (facet,) what each returns times its `weight`, up to a factor, if it is known.
+        Errors are measured on sums: gains of neighbouring facets at oblique incidence vary over the band and cancel.
+        Probes are one pair over the band, the outermost pairs and some others in its middle and at its ends.
+
+        Parameters
+        ----------
+        facets, materials
+            Facets, and materials of their surfaces.
+        weight
+            (facet,) visibility times pattern gain.
+        coherent
+            Errors are relative to the coherent sum; False takes the incoherent sum where it is larger.
+        reference
+            (facet, 3) reference points of the delays, as in :meth:`values`.
+        apart
+            (surface,) tolerance groups, each of which is right; None makes all facets one group.
+        strength
+            (facet,) magnitude of gain times `weight` up to a factor; None computes it.
         """
-        if len(facets) > self.enough:
+        if len(facets) > self.probe_facets:
             if strength is None:
                 once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
                 strength = np.abs(once.a[0] * weight)
-            judged = [np.arange(len(facets))]
+            groups = [np.arange(len(facets))]
             if apart is not None:
                 tolerance_group = apart[facets.surface]
-                judged = [np.flatnonzero(tolerance_group == number) for number in np.unique(tolerance_group)]
-            most = max(self.enough // len(judged), FEW)
-            strongest = np.sort(np.concatenate([own[np.argsort(-strength[own])[:most]] for own in judged]))
+                groups = [np.flatnonzero(tolerance_group == number) for number in np.unique(tolerance_group)]
+            most = max(self.probe_facets // len(groups), MIN_PROBE_FACETS)
+            strongest = np.sort(np.concatenate([own[np.argsort(-strength[own])[:most]] for own in groups]))
             facets, weight = facets.take(strongest), weight[strongest]
             reference = None if reference is None else reference[strongest]
         pairs = self.expansions.representative()
@@ -181,21 +188,20 @@ class BandTracer:
         if self.tangents:
             tried = [probes(PROBES, first), *([probes(ends, np.tile(pairs, 2))] if len(pairs) > 1 else [])]
 
-            def follows(found: Expansion) -> bool:
+            def is_right(found: Expansion) -> bool:
                 return all(
                     self._error(facets, materials, each, found, reference) <= SLOPE_LIMIT * self._rtol for each in tried
                 )
 
-            # Most ask for one of the middle: from there to cheaper ones for as long as they do, or to dearer ones.
-            # Where what materials do over the band is too much, no slopes mend it; node by node they may do.
+            # From the usual expansion to dearer ones until one is right, or to cheaper ones while they are. Materials
+            # that change too much over the band fail with any slopes if steady.
             for steady in (True, False) if self._steady else (False,):
                 dearer, cheaper = self.expansions.tangents(steady)
-                found = next((number for number, each in enumerate(dearer) if follows(each)), None)
+                found = next((number for number, each in enumerate(dearer) if is_right(each)), None)
                 if found is not None:
                     best = dearer[found]
-                    # Where second slopes alone were dear they may be spared at other places of the band.
                     for each in cheaper if best.order == dearer[0].order else ():
-                        if not follows(each):
+                        if not is_right(each):
                             break
                         best = each
                     return best
@@ -209,7 +215,8 @@ class BandTracer:
             degree += 1
         if order > MAX_ORDER or degree == MAX_DEGREE:
             _LOG.warning(
-                "rtol %g: facets change too fast over the band or the array for %d coefficients of %d. degree",
+                "rtol is %g: gains change too fast over the band or the array for %d coefficients of degree %d; "
+                "raise rtol",
                 self._rtol, min(order, MAX_ORDER), degree,
             )  # fmt: skip
             order = min(order, MAX_ORDER)
@@ -227,11 +234,8 @@ class BandTracer:
         group: NDArray[np.intp],
         level: FloatArray,
     ) -> tuple[ShadowEdges, FloatArray]:
-        """The shadows' edges on `facets` that matter:
-        :meth:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.of` and
-        :meth:`~rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.significant`, with the `group` (piece,) that
-        pieces are of;
-        and what is missed of each group."""
+        """Significant shadow edges on `facets`, and the omitted return of each `group` (piece,). The other arguments
+        are those of :meth:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.of` and `significant`."""
         wavenumber = 2 * np.pi * self.highest / SPEED_OF_LIGHT
         found = ShadowEdges.of(facets, owner, pieces, occluder, self._origin, wavenumber)
         towards = found.middle / np.maximum(lengths(found.middle), 1e-9)[:, None]
@@ -246,20 +250,19 @@ class BandTracer:
     def boundary_correction(
         self, edges: ShadowEdges, values: ComplexArray, reference: FloatArray, expansion: Expansion
     ) -> BoundaryCorrection:
-        """What pairs see beside shadows' `edges`, by way of the points `reference` (edge, 3) [m, world]; (value, edge)
-        `values` are those of the edges' small pieces by way of their middles."""
+        """Corrections of pairs at shadow `edges`, for reference points (edge, 3) [m, world] and `values` (value, edge)
+        of the edges' small pieces."""
         shape = *expansion.weights.shape[:3], len(edges.owner)
-        gains, visible = np.empty(shape, np.complex128), (self._tx, self._rx, self.centre, self.half_band)
-        for some in (
-            np.array_split(np.arange(shape[-1]), -(-int(np.prod(shape)) // MAX_CORRECTION_LANES)) if gains.size else ()
-        ):
+        gains, known = np.empty(shape, np.complex128), (self._tx, self._rx, self.centre, self.half_band)
+        calls = -(-gains.size // MAX_CORRECTION_LANES)
+        for some in np.array_split(np.arange(shape[-1]), calls) if calls else ():
             small = self.combined(expansion, values[:, some])
-            gains[..., some] = boundary_gains(edges.take(some), *visible, small, reference[some] - self._origin)
+            gains[..., some] = boundary_gains(edges.take(some), *known, small, reference[some] - self._origin)
         return BoundaryCorrection(edges.owner, gains)
 
     def diffuse(self, facets: Facets, materials: tuple[Material, ...]) -> ComplexArray | None:
-        """(tx, rx, facet) what rough facets add (:mod:`rfgen_sionna.tracing.gains.diffuse`), or (1, 1, facet) the same
-        for every pair; None if none is."""
+        """(tx, rx, facet) diffuse gains (:mod:`rfgen_sionna.tracing.gains.diffuse`), (1, 1, facet) if equal for all
+        pairs; None without rough surfaces."""
         known = self.fields, self.centre, self._seed
         found = diffuse_gains(facets, materials, (self._origin[None],) * 2, *known)
         near = np.flatnonzero(self.reach > WIDE_ARRAY * lengths(facets.centroids - self._origin))
@@ -270,7 +273,7 @@ class BandTracer:
             found[..., near] = 0.0 if of_near is None else of_near
         if found is None or facets.grain is None:
             return found
-        # As far as the middle of its grain, from wherever on it a facet's path comes.
+        # Phase of the path by way of the grain's middle.
         rough = np.flatnonzero(found.any(axis=(0, 1)))
         middle = np.einsum("fc,fci->fi", facets.grain[rough, 1:], facets.corners[rough])
         way = self.delays(middle) - self.delays(facets.centroids[rough])
@@ -287,7 +290,7 @@ class BandTracer:
         parts: IntArray,
         reference: FloatArray | None = None,
     ) -> FacetGains:
-        """Gains (probe, facet) of one pair at places `u` of the band without expansion, integrated in `parts`; the
+        """Gains (probe, facet) of one pair at positions `u` of the band, integrated in `parts` without expansion.
         `reference` is that of :meth:`values`."""
         nodes = self.expansions.nodes(u, np.full(len(u), pair[0] * len(self._rx) + pair[1], np.int32))
         if reference is None:
@@ -295,17 +298,12 @@ class BandTracer:
         return self._integrated(facets, materials, nodes, parts, reference=reference)
 
     def values(
-        self,
-        facets: Facets,
-        materials: tuple[Material, ...],
-        expansion: Expansion,
-        reference: FloatArray | None = None,
+        self, facets: Facets, materials: tuple[Material, ...], expansion: Expansion, reference: FloatArray | None = None
     ) -> ComplexArray:
-        """(value, facet) what the expansion starts from. `reference` (facet, 3) are points [m, world] that delays go by
-        instead of the centroids."""
+        """(value, facet) values of the `expansion`; delays are by way of `reference` (facet, 3) [m, world], None means
+        the centroids."""
         if expansion.axes is None and reference is None:
             return self._gains(facets, materials, expansion.nodes).a
-        # What expansions are held against is exact, so that it tells what they miss of materials as well.
         given = expansion.nodes, facets.parts, expansion.axes, reference, expansion.slopes, expansion.steady
         found = self._integrated(facets, materials, *given)
         return found.terms.reshape(found.terms.shape[0] * found.terms.shape[1], len(facets))
@@ -333,7 +331,7 @@ class BandTracer:
         single, strongest = np.abs(exact.a * weight), np.zeros(count)
         np.maximum.at(strongest, group, single.max(axis=0, initial=0.0))
         scale = np.maximum(root_mean_square(sum_by_surface(exact.a * waves, group, count)), CANCELLED * strongest)
-        # Of a lot of several surfaces, a room, the return is what they return side by side.
+        # The level of several surfaces, as of a room, is their incoherent sum.
         incoherent = np.full(count, not coherent)
         if apart is not None:
             incoherent |= np.bincount(apart, minlength=count) > 1
@@ -350,7 +348,7 @@ class BandTracer:
         expansion: Expansion,
         reference: FloatArray | None = None,
     ) -> float:
-        """Relative error of the coherent sums at the probes, of the worst of them."""
+        """Largest relative error of the groups' coherent sums at the probes."""
         values = self.values(facets, materials, expansion, reference)
         found = np.vander(probes.u, expansion.order, increasing=True)  # (probe, order)
         weights = expansion.weights.reshape(expansion.order, -1, len(values))[:, probes.pairs]

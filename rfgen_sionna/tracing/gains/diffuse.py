@@ -1,18 +1,16 @@
-"""What rough surfaces return diffusely: S^2 of the reflected energy, with a phase of its own for every facet.
+"""Diffuse returns of rough surfaces: S^2 of the reflected energy, with a random phase per facet.
 
-A facet of area A returns, per unit of what would reach the receiver without it,
+A facet of area A returns, relative to free-space propagation,
 
     |a|^2 = (lambda / 4 pi)^2 S^2 |Gamma|^2 cos(theta_i) f A / (R_t R_r)^2
 
-with the scattering pattern f (as Sionna's paths do, per area instead of per ray) and |Gamma|^2 the share that is
-reflected of a wave polarised as the Tx element's is there. Of cos(theta_i) f and of |Gamma|^2 those of the way back
-count as much, so that Tx and Rx may change places (Sionna takes the way there alone; of elements that are in one place,
-and polarised alike, that is the same).
+with the scattering pattern f, as Sionna's paths do per ray, and the reflectance |Gamma|^2 for the Tx element's
+polarisation. cos(theta_i) f and |Gamma|^2 are geometric means of both ways, for reciprocity; Sionna has the way out
+alone.
 
-The phase is drawn from the seed for each facet and stays with it: diffuse returns stay coherent from chirp to chirp and
-from frame to frame. Where facets are chosen anew, as what moves asks for others, it is drawn for *grains* instead:
-pieces of faces that are the same from wherever they are seen. A grain scatters from its middle, with its whole area,
-and each of the facets that it is divided into has its share of that.
+The phase of a facet follows from the seed and persists: diffuse returns are coherent from frame to frame. Where facets
+change over time it belongs to *grains*, pieces of faces that do not depend on the viewpoint. A grain scatters from its
+middle with its whole area; each of its facets has a share.
 """
 
 from __future__ import annotations
@@ -25,16 +23,16 @@ import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.tracing.integral.slabs import face_reflection
 from rfgen_sionna.tracing.surface.facets import Facets, mix_bits
 from rfgen_sionna.tracing.surface.surfaces import Surface
 
 GRAIN, STATIC_GRAIN = 0.05, 0.2
-"""Longest edge of grains [m], of actors and of what stays and is seen by a radar that moves: speckle changes over
-wavelength / (2 x edge), 2 degrees at 77 GHz."""
+"""Longest edge of grains [m], of actors and of static surfaces: speckle changes over wavelength / (2 x edge)."""
 
 
 def grain_of(surface: Surface) -> float | None:
-    """Longest edge [m] of the grains of a surface; None where it is smooth."""
+    """Longest edge [m] of a surface's grains; None for a smooth surface."""
     if surface.material.scattering_coefficient == 0:
         return None
     return STATIC_GRAIN if surface.still else GRAIN
@@ -48,14 +46,14 @@ def diffuse_gains(
     frequency: float,
     seed: int,
 ) -> ComplexArray | None:
-    """(tx, rx, facet) diffuse gains without the propagation phase; None where all is smooth.
+    """(tx, rx, facet) diffuse gains without the propagation phase; None without rough surfaces.
 
     Parameters
     ----------
     facets, materials
-        The facets, and the materials of their surfaces.
+        Facets, and materials of their surfaces.
     ends
-        (tx, 3) and (rx, 3) places [m] of elements; one of each stands for a whole array that is near it.
+        (tx, 3) and (rx, 3) positions [m] of elements; one of each may stand for a small array.
     fields
         (3,) directions of the Tx and Rx elements' electric field.
     frequency
@@ -73,49 +71,50 @@ def diffuse_gains(
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         size, middle = np.linalg.norm(cross, axis=1), corners.mean(axis=1)
         normal = cross / np.maximum(size, 1e-30)[:, None]
-        occluders = [
+        views = [
             [_ElementView.of(middle - place, normal, material, field, frequency) for place in own]
             for own, field in zip(ends, fields, strict=True)
         ]
         phases = 2 * np.pi * _draws(facets.face[index], facets.place[index], number, seed)
-        kept, turned = np.sqrt(1.0 - material.xpd_coefficient), np.sqrt(material.xpd_coefficient)
+        co_share, cross_share = np.sqrt(1.0 - material.xpd_coefficient), np.sqrt(material.xpd_coefficient)
         area = 0.5 * size
-        if facets.grain is not None:  # a grain's parts scatter in phase, as one
+        if facets.grain is not None:  # facets of a grain scatter in phase
             area = area * facets.grain[index, 0]
-        for (i, there), (j, back) in product(enumerate(occluders[0]), enumerate(occluders[1])):
+        for (i, there), (j, back) in product(enumerate(views[0]), enumerate(views[1])):
             energy = rough[number] ** 2 * np.sqrt(there.share * back.share * there.cos * back.cos) * area
             energy *= there.side == back.side
             upright = normal * there.side[:, None]
-            # Either way round, so that Tx and Rx may change places.
             one, other = (
                 material.scattering_pattern(k_in.k, -k_out.k, upright) for k_in, k_out in ((there, back), (back, there))
             )
             energy *= np.sqrt(one * other) / (there.distance * back.distance) ** 2
             along = np.clip((there.field * back.field).sum(axis=1), -1.0, 1.0)
-            field = kept * along * np.exp(1j * phases[0]) + turned * np.sqrt(1.0 - along**2) * np.exp(1j * phases[1])
+            field = co_share * along * np.exp(1j * phases[0]) + cross_share * np.sqrt(1.0 - along**2) * np.exp(
+                1j * phases[1]
+            )
             gains[i, j, index] = SPEED_OF_LIGHT / frequency / (4 * np.pi) * np.sqrt(energy) * field
     return gains
 
 
 class _ElementView(NamedTuple):
-    """How an element sees facets."""
+    """Waves between one element and facets."""
 
     distance: FloatArray
     k: FloatArray
     """(facet, 3) unit vectors from the element."""
     side: FloatArray
-    """(facet,) 1 where normals look at it, -1 where they look away."""
+    """(facet,) 1 where normals face it, -1 where they face away."""
     cos: FloatArray
     field: FloatArray
-    """(facet, 3) of its waves, of unit size."""
+    """(facet, 3) unit fields of the waves."""
     share: FloatArray
-    """(facet,) of their energy that a smooth surface reflects."""
+    """(facet,) reflectance of a smooth surface."""
 
     @staticmethod
     def of(
         offset: FloatArray, normal: FloatArray, material: Material, field: FloatArray, frequency: float
     ) -> _ElementView:
-        """Of facets at an `offset` (facet, 3) [m] from an element whose field points along `field` (3,)."""
+        """Waves to facets at an `offset` (facet, 3) [m] from an element of electric field `field` (3,)."""
         distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-4)
         k = offset / distance[:, None]
         inward = (normal * k).sum(axis=1)
@@ -125,7 +124,7 @@ class _ElementView(NamedTuple):
 
 
 def _across(field: FloatArray, k: FloatArray) -> FloatArray:
-    """(facet, 3) the part of a `field` (3,) or (facet, 3) across directions `k` (facet, 3), of unit size."""
+    """(facet, 3) unit vectors of the part of `field` (3,) or (facet, 3) across directions `k` (facet, 3)."""
     part = field - (k * field).sum(axis=1)[:, None] * k
     return np.asarray(part / np.maximum(np.linalg.norm(part, axis=1, keepdims=True), 1e-9))
 
@@ -133,7 +132,7 @@ def _across(field: FloatArray, k: FloatArray) -> FloatArray:
 def _reflected(
     material: Material, frequency: float, cos: FloatArray, k: FloatArray, normal: FloatArray, field: FloatArray
 ) -> FloatArray:
-    """(facet,) share of the energy that a smooth surface reflects of waves along `k` with unit fields (facet, 3)."""
+    """(facet,) reflectance of a smooth surface for waves along `k` with unit fields (facet, 3)."""
     aside = np.cross(k, normal)
     size = np.linalg.norm(aside, axis=1)
     across = np.where(size > 1e-9, (aside * field).sum(axis=1) / np.maximum(size, 1e-9), 0.0) ** 2
@@ -142,20 +141,18 @@ def _reflected(
 
 
 def reflectance(material: Material, frequency: float, cos: FloatArray) -> FloatArray:
-    """Share of the energy that a smooth surface reflects, mean of both polarisations; as the facet integral has it."""
+    """(...) reflectance of a smooth surface at cosines `cos` (...) of incidence, mean of both polarisations;
+    `frequency` in Hz."""
     one, other = reflectances(material, frequency, cos)
     return np.asarray(0.5 * (one + other))
 
 
 def reflectances(material: Material, frequency: float, cos: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Shares of the energy that a smooth surface reflects, field across the plane of incidence and in it."""
+    """(...) reflectances of a smooth surface for s and p polarisation."""
     eps, mu = complex(material.relative_permittivity(frequency)), complex(material.relative_permeability(frequency))
     if not np.isfinite(eps):
         return np.ones_like(cos), np.ones_like(cos)
-    root = np.sqrt(eps * mu - (1.0 - cos**2) + 0j)
-    root = np.where(root.imag > 0, -root, root)
-    cos = np.maximum(cos, 1e-9)
-    found = [(mu * cos - root) / (mu * cos + root), (eps * cos - root) / (eps * cos + root)]
+    root, *found = face_reflection(eps, mu, cos)
     if material.thickness is not None:
         trip = np.exp(-4j * np.pi * frequency / SPEED_OF_LIGHT * material.thickness * root)
         found = [r * (1.0 - trip) / np.where(abs(1.0 - r * r * trip) > 1e-12, 1.0 - r * r * trip, 1.0) for r in found]
@@ -163,7 +160,7 @@ def reflectances(material: Material, frequency: float, cos: FloatArray) -> tuple
 
 
 def _draws(face: np.ndarray, place: np.ndarray, surface: int, seed: int) -> FloatArray:
-    """(2, facet) numbers in 0 … 1 that depend on the facet and the seed alone, not on the other facets (SplitMix64)."""
+    """(2, facet) uniform numbers in 0 … 1 that depend on facet and seed alone (SplitMix64)."""
     with np.errstate(over="ignore"):
         key = face.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) + place.astype(np.uint64)
         key = key * np.uint64(0xD1B54A32D192ED03) + np.uint64(seed) * np.uint64(0x8CB92BA72F3D8DD7)

@@ -1,4 +1,4 @@
-"""How much the antennas send towards places and hear from there, and how that changes from place to place."""
+"""Two-way pattern gain of the elements towards points, and its gradient."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.scene.mesh import lengths
 
 _NEPERS = 0.1 * math.log(10.0)
-"""Of a two-way field gain, which is a power gain, per dB."""
+"""Logarithm of a two-way field gain, which is a power gain, per dB."""
 
 
 class PatternGain:
-    """Two-way field gain of an element, relative to its peak: of a `pattern`, turned by the `rotation` (3, 3) from the
-    device's frame to the world's."""
+    """Two-way field gain of an element relative to its peak, for a `pattern` turned by `rotation` (3, 3) from device to
+    world frame."""
 
     def __init__(self, pattern: Pattern, rotation: FloatArray) -> None:
         self._pattern, self._rotation = pattern, rotation
         self._cuts = pattern.cubics if isinstance(pattern, ElementPattern) else None
 
     def gains(self, direction: FloatArray) -> FloatArray:
-        """(...) towards unit vectors `direction` (..., 3), world."""
+        """(...) gains towards unit vectors `direction` (..., 3), world."""
         if self._cuts is None:
             level = self._pattern.gain_db(direction @ self._rotation) - self._pattern.peak_gain_dbi
             return np.asarray(10.0 ** (level / 10.0), dtype=np.float64)
         return self._at(direction, 1).reshape(direction.shape[:-1])
 
     def gradients(self, offset: FloatArray) -> FloatArray | None:
-        """(place, 3) by how much the logarithm of the gain rises per metre [1/m], at places `offset` (place, 3) [m]
-        from the antennas, world; None where it changes nowhere."""
+        """(point, 3) gradient of the gain's logarithm [1/m] at `offset` (point, 3) [m] from the antennas, world; None
+        if it is zero everywhere."""
         distance = np.maximum(lengths(offset), 1e-9)[:, None]
         if self._cuts is None:
             slope = self._pattern.slope_db((offset / distance) @ self._rotation) @ self._rotation.T
@@ -43,7 +43,7 @@ class PatternGain:
         return pattern_gradient if pattern_gradient.any() else None
 
     def _at(self, direction: FloatArray, columns: int) -> FloatArray:
-        """(direction, columns) the gain, or three columns of how its logarithm rises per radian."""
+        """(direction, columns) the gain, or in three columns the gradient of its logarithm [1/rad]."""
         count = direction.size // 3
         if not count or self._cuts is None:
             return np.zeros((0, columns))
@@ -63,8 +63,7 @@ class PatternGain:
 
 
 def _evaluate_gain(given: dict[str, Any], columns: int) -> None:
-    """The kernel of :meth:`PatternGain._at`: :meth:`~rfgen_sionna.radar.ElementPattern.gain_db` or
-    :meth:`~rfgen_sionna.radar.ElementPattern.slope_db`, by the number of `columns`."""
+    """Kernel of :meth:`PatternGain._at`: gain for one column, gradient for three."""
     dr, types = drjit_types()
     Float, UInt32, lane = types.Float64, types.UInt32, given["lanes"]
     world = [dr.gather(Float, given["directions"], 3 * lane + axis) for axis in range(3)]
@@ -74,7 +73,7 @@ def _evaluate_gain(given: dict[str, Any], columns: int) -> None:
     angles = dr.atan2(y, x) * degrees, dr.asin(dr.clip(z, -1.0, 1.0)) * degrees
 
     def cut(number: int) -> tuple[Any, Any]:
-        """Level [dB] and its slope [dB per degree]: beyond the table's ends its level, and none."""
+        """Level [dB] and slope [dB per degree], constant beyond the table's ends."""
         ends, cubics, pieces = (given[name][number] for name in ("ends", "cubics", "pieces"))
         low, high = dr.gather(Float, ends, UInt32(0)), dr.gather(Float, ends, pieces)
         angle = dr.clip(angles[number], low, high)
@@ -95,7 +94,7 @@ def _evaluate_gain(given: dict[str, Any], columns: int) -> None:
     if columns == 1:
         values = [dr.exp(_NEPERS * (around + up))]
     else:
-        # Towards the poles it is left small.
+        # Bounded at the poles.
         level = dr.sqrt(dr.maximum(x * x + y * y, 1e-6))
         turning, rising = turning * degrees / (level * level), rising * degrees / level
         local = -turning * y - rising * z * x, turning * x - rising * z * y, rising * level * level

@@ -1,13 +1,12 @@
-"""How facet gains of every element pair over the band follow from a few values.
+"""Expansions: gains of every element pair over the band from few integrals.
 
-Either from gains at pairs and frequencies of the radar (nodes), by the polynomial through them,
+Either interpolation of gains at pairs and frequencies of the radar (nodes),
 
     a(u, v, w) = sum_b c_b u^k v_y^m v_z^n w_y^p w_z^q
 
-in the frequency u, the sum v of the Tx and Rx positions and their difference w across the boresight; or from gains in
-the middle of the array and their slopes, which the same integral gives for little more, by Hermite's polynomial in u
-and Taylor's of first or second order in v, and of second in w where that counts. The latter takes a fraction of the
-integrals wherever the array is small.
+in the frequency u, the sum v of the Tx and Rx positions and their difference w across the boresight; or gains in the
+middle of the array and their slopes, from the same integral: Hermite's polynomial in u, Taylor's of first or second
+order in v, and of second in w. Slopes take a fraction of the integrals for small arrays.
 """
 
 from __future__ import annotations
@@ -31,35 +30,33 @@ TANGENTS = (
     (4, 2, SlopeOrder.FIRST), (4, 2, SlopeOrder.SECOND), (4, 2, SlopeOrder.CURVATURE), (5, 3, SlopeOrder.SECOND), (5, 3,
     SlopeOrder.CURVATURE), (6, 3, SlopeOrder.CURVATURE),
 )  # fmt: skip
-"""Expansions by slopes, the cheapest first: coefficients over the band, nodes, and which slopes."""
+"""Expansions by slopes, cheapest first: coefficients over the band, nodes, and order of the slopes."""
 FIRST_TANGENT = 3
-"""Which of them is tried first."""
+"""Index of the expansion that is tried first: enough for most facets."""
 MAX_INNER_PAIRS = 12
-"""Pairs that are tried at most beside the outermost ones."""
+"""Bound of the pairs that are tried besides the outermost ones."""
 
 
 PROBES = np.array([-1.0, 0.0, 1.0])
-"""Places in the band at which gains are tried and returns compared."""
+"""Positions in the band, -1 … 1, at which gains are compared."""
 
 
 @dataclass(frozen=True)
 class Expansion:
-    """How the gains of every pair over the band follow from those at a few nodes."""
+    """Weights from gains at a few nodes to gains of every pair over the band."""
 
     nodes: Nodes
     order: int
     """Number of coefficients over the band."""
     weights: FloatArray
-    """(order, tx, rx, value) what takes the values at the nodes to coefficients of powers of u for every pair: the
-    gains at each node, then with `axes` their slopes
-    (:attr:`~rfgen_sionna.tracing.integral.facet.FacetGains.slopes`)."""
+    """(order, tx, rx, value) weights from values to coefficients of powers of u; values are the gains at each node,
+    then with `axes` their slopes (:attr:`~rfgen_sionna.tracing.integral.facet.FacetGains.slopes`)."""
     axes: FloatArray | None = None
-    """(axis, 3) displacements [m] of the elements, world, over which slopes are taken; None is that none are."""
+    """(axis, 3) displacements [m] of the elements for slopes, world; None means no slopes."""
     slopes: SlopeOrder = SlopeOrder.SECOND
-    """Which of them."""
+    """Order of the slopes."""
     steady: bool = False
-    """Whether what materials reflect is taken to change linearly from node to node, for which they are integrated
-    together."""
+    """Whether the reflection is linear over the nodes, which are integrated together."""
 
 
 def band_nodes(count: int) -> FloatArray:
@@ -70,13 +67,13 @@ def band_nodes(count: int) -> FloatArray:
 def tangent_weights(
     order: int,
     count: int,
-    displaced: FloatArray,
+    positions: FloatArray,
     wavenumbers: float,
     slopes: SlopeOrder,
     apart: FloatArray,
     middle: FloatArray,
 ) -> FloatArray:
-    """(order, pair, value) weights of gains at `count` :func:`band_nodes`, and of their slopes: those of
+    """(order, pair, value) weights of gains at `count` :func:`band_nodes`, and of their slopes
     :attr:`~rfgen_sionna.tracing.integral.facet.FacetGains.slopes`.
 
     Parameters
@@ -84,17 +81,16 @@ def tangent_weights(
     order
         Number of coefficients over the band.
     count
-        Number of nodes: as many as coefficients, so that slopes over the wavenumber don't count, or half as many,
-        rounded up. If that leaves a coefficient too many, the highest one is left out with Chebyshev's polynomial,
-        which spreads over the band what is missed.
+        Number of nodes: `order`, which leaves slopes over the wavenumber out, or half of it, rounded up; an excess
+        coefficient is removed with Chebyshev's polynomial.
     displaced
-        (pair, axis) how far along each axis each pair lies.
+        (pair, axis) position of each pair along each axis.
     wavenumbers
         Change of the wavenumber per unit of u [rad/m].
     slopes
-        Which slopes there are.
+        Order of the slopes.
     apart, middle
-        (pair, axis) how far along each axis Tx is from Rx, in the unit of `displaced`, and (axis,) in the middle.
+        (pair, axis) distance of Tx from Rx along each axis, in the unit of `displaced`, and (axis,) in the middle.
     """
     u = band_nodes(count)
     known = count if order == count else 2 * count
@@ -109,15 +105,15 @@ def tangent_weights(
         through = (through - np.outer(highest / highest[-1], through[-1]))[:order]
     across = np.zeros((order, count))
     across[:count] = np.linalg.inv(values[:, :count])
-    moved = [displaced[:, axis] for axis in range(displaced.shape[1])]
+    moved = [positions[:, axis] for axis in range(positions.shape[1])]
     each_two = [(one, other, 0.5 if one == other else 1.0) for one, other in variation_pairs(len(moved))]
     squares = [by * moved[one] * moved[other] for one, other, by in each_two]
     if slopes >= SlopeOrder.SECOND:
         moved += squares
     if slopes == SlopeOrder.CURVATURE:
         more = [by * (apart[:, one] * apart[:, other] - middle[one] * middle[other]) for one, other, by in each_two]
-        moved += [square + beside for square, beside in zip(squares, more, strict=True)]
-    weights = np.empty((order, len(displaced), count * (2 + len(moved))))
+        moved += [square + each for square, each in zip(squares, more, strict=True)]
+    weights = np.empty((order, len(positions), count * (2 + len(moved))))
     weights[..., : 2 * count] = through[:, None]
     for number, by in enumerate(moved, 2):
         weights[..., number * count : (number + 1) * count] = by[:, None] * across[:, None]
@@ -125,57 +121,50 @@ def tangent_weights(
 
 
 class ArrayExpansions:
-    """Expansions for the element pairs of a radar, positions relative to its phase centre.
-
-    `powers` is 2 where exchanging Tx and Rx changes nothing, which leaves even powers of their difference only.
-    """
+    """Expansions for the element pairs of a radar, with positions relative to its phase centre. `powers` is 2 where
+    reciprocity leaves even powers of the difference of Tx and Rx only, else 1."""
 
     def __init__(self, radar: Radar, powers: int) -> None:
         self.powers = powers
         self._centre, self._half_band = radar.center_frequency, 0.5 * radar.waveform.bandwidth
         origin = np.asarray(radar.position)
         self._tx, self._rx = radar.tx_world - origin, radar.rx_world - origin
-        # Across the boresight, in units of half the array's width; along it elements hardly differ.
+        # Across the boresight, in units of half the array's width; depth is neglected.
         tx, rx = radar.tx_positions[:, None, 1:], radar.rx_positions[None, :, 1:]
-        total, apart = (
-            np.reshape(np.broadcast_to(each, (*np.broadcast_shapes(tx.shape, rx.shape),)), (-1, 2))
-            for each in (tx + rx, tx - rx)
-        )
+        total, apart = (each.reshape(-1, 2) for each in (tx + rx, tx - rx))
         self._sum, self._difference = _scaled(total), _scaled(apart, centred=False)
-        # The middle of the array, and what a unit of the sum is.
         middle, size = 0.5 * (total.min(axis=0) + total.max(axis=0)), 0.5 * float(np.ptp(total, axis=0).max())
-        self.aperture = size  # of Tx and Rx displacements added up, from the middle to the outermost [m]
-        # Tx and Rx there, each as far from their own mean, so that they may be changed over.
+        self.aperture = size  # largest sum of Tx and Rx displacements [m]
+        # Tx and Rx in the middle, equally far from their means, for reciprocity.
         ends = np.stack([radar.tx_positions.mean(axis=0), radar.rx_positions.mean(axis=0)])
         ends[:, 1:] += 0.5 * (middle - ends[:, 1:].sum(axis=0))
         self._middle = ends @ radar.rotation.T
         self._spanned = np.flatnonzero(np.abs(self._sum).max(axis=0) > 1e-6)
         self._axes = size * radar.rotation.T[1:][self._spanned]
-        # How far Tx and Rx are from each other along these, and in the middle, in the same unit.
         between = ends[0, 1:] - ends[1, 1:]
         self._apart, self._between = (each[..., self._spanned] / max(size, 1e-9) for each in (apart, between))
 
     def frequency(self, u: FloatArray) -> FloatArray:
-        """Frequencies [Hz] at places -1 … 1 of the band."""
+        """Frequencies [Hz] at positions `u`, -1 … 1, of the band."""
         return np.asarray(self._centre + self._half_band * u)
 
     def nodes(self, u: FloatArray, pairs: IntArray) -> Nodes:
-        """Element `pairs` (node,), Rx by Rx of the first Tx and so on, at places `u` (node,) of the band."""
+        """Nodes of element `pairs` (node,), numbered tx * n_rx + rx, at positions `u` (node,) of the band."""
         tx, rx = np.divmod(pairs, len(self._rx))
         return Nodes(self._tx[tx], self._rx[rx], self.frequency(u))
 
     def representative(self) -> IntArray:
-        """Pairs at the corners of the array and furthest apart, at most nine, and some others; all of a small one."""
+        """(pair,) outermost pairs, at most nine, and some others."""
         found = set()
         for angle in np.arange(8) * (np.pi / 4):
             found.add(int(np.argmax(self._sum @ [np.cos(angle), np.sin(angle)])))
         found.add(int(np.argmax((self._difference**2).sum(axis=1))))
-        # What goes through the outermost ones may stray between them.
+        # Interpolation may oscillate between the outermost ones.
         found.update(np.random.default_rng(0).permutation(len(self._sum))[:MAX_INNER_PAIRS].tolist())
         return np.array(sorted(found), dtype=np.int32)
 
     def basis(self, order: int, degree: int, full: bool) -> list[tuple[int, ...]]:
-        """Exponents (u, v_y, v_z, w_y, w_z); not `full` leaves the mixed ones of high degree out."""
+        """Exponents (u, v_y, v_z, w_y, w_z); not `full` omits mixed ones of high degree."""
         found: list[tuple[int, ...]] = []
         for k, m, n, p, q in product(range(order), *[range(degree + 1)] * 4):
             if (p + q) % self.powers or m + n + p + q > degree:
@@ -185,18 +174,18 @@ class ArrayExpansions:
         return found
 
     def tangents(self, steady: bool) -> tuple[list[Expansion], list[Expansion]]:
-        """The usual expansion by slopes and dearer ones, and cheaper ones, each from there on, all of them `steady` or
-        not. Without axes all slopes over them are the same."""
+        """Expansions by slopes from the first one on, and the cheaper ones in descending order."""
+        # Without axes slopes over them do not matter.
         kinds = [(order, count, kind if len(self._axes) else SlopeOrder.FIRST) for order, count, kind in TANGENTS]
-        reference_level, kinds = kinds[FIRST_TANGENT], list(dict.fromkeys(kinds))
-        some = [self.tangent(*each, steady) for each in kinds]
-        return some[kinds.index(reference_level) :], some[: kinds.index(reference_level)][::-1]
+        first, kinds = kinds[FIRST_TANGENT], list(dict.fromkeys(kinds))
+        some, start = [self.tangent(*each, steady) for each in kinds], kinds.index(first)
+        return some[start:], some[:start][::-1]
 
     def tangent(
         self, order: int, count: int, slopes: SlopeOrder = SlopeOrder.SECOND, steady: bool = False
     ) -> Expansion:
-        """From gains in the middle of the array and their `slopes` at `count` places of the band, `order` coefficients
-        over it."""
+        """Expansion of `order` coefficients by gains in the middle of the array and their `slopes`, at `count` nodes of
+        the band."""
         u = band_nodes(count)
         tx, rx = (np.broadcast_to(each, (count, 3)) for each in self._middle)
         nodes = Nodes(tx, rx, self.frequency(u))
@@ -207,11 +196,8 @@ class ArrayExpansions:
         return Expansion(nodes, order, weights.reshape(shape), axes=self._axes, slopes=slopes, steady=steady)
 
     def through(self, basis: Sequence[tuple[int, ...]]) -> Expansion:
-        """Interpolation by `basis` through as many of the radar's own pairs, at Chebyshev nodes of the band.
-
-        Pairs and frequencies are picked by pivoted QR (approximate Fekete points); what the array cannot tell apart
-        (all elements on a line) falls out of the basis.
-        """
+        """Interpolation by `basis` at as many pairs of the radar and Chebyshev nodes of the band. Pivoted QR picks
+        pairs and frequencies (approximate Fekete points); dependent functions leave the basis."""
         order = 1 + max(each[0] for each in basis)
         u = band_nodes(order)
         powers = np.vander(u, order, increasing=True)
@@ -234,7 +220,7 @@ class ArrayExpansions:
 
 @dataclass(frozen=True)
 class Probes:
-    """What an expansion is held against: exact gains of some pairs at places of the band."""
+    """Exact gains of some pairs at positions of the band, to test expansions."""
 
     u: FloatArray
     """(probe,)"""
@@ -243,27 +229,26 @@ class Probes:
     gains: ComplexArray
     """(probe, facet)"""
     phasors: ComplexArray
-    """(probe, facet) of the propagation, times the facets' weights."""
+    """(probe, facet) propagation phasors times the facets' weights."""
     group: IntArray
-    """(facet,) what each is summed up with."""
+    """(facet,) group of the coherent sum."""
     scale: FloatArray
-    """(group,) return that errors are relative to."""
+    """(group,) reference level of the errors."""
 
     def error(self, gains: ComplexArray) -> float:
-        """Relative error of the coherent sums of `gains` (probe, facet), of the worst of them."""
+        """Largest relative error of the groups' coherent sums for `gains` (probe, facet)."""
         missed = root_mean_square(sum_by_surface((gains - self.gains) * self.phasors, self.group, len(self.scale)))
-        # Of nothing no tolerance is left.
         error = np.where(missed > 0, missed / np.where(self.scale > 0, self.scale, 1e-300), 0.0)
         return float(error.max(initial=0.0))
 
 
 def root_mean_square(values: ComplexArray) -> FloatArray:
-    """(group,) of `values` (probe, group)."""
+    """(group,) root mean square of `values` (probe, group)."""
     return np.asarray(np.sqrt((np.abs(values) ** 2).mean(axis=0)))
 
 
 def _scaled(positions: FloatArray, centred: bool = True) -> FloatArray:
-    """(pair, 2) positions in -1 … 1; without `centred` zero stays where it is."""
+    """(pair, 2) positions in -1 … 1; without `centred` zero stays zero."""
     if centred:
         positions = positions - 0.5 * (positions.min(axis=0) + positions.max(axis=0))
     return np.asarray(positions / max(float(np.abs(positions).max()), 1e-9))

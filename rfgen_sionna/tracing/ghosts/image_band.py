@@ -1,4 +1,4 @@
-"""Facet gains by way of plane mirrors, for every element pair over the sampled band."""
+"""Facet gains via plane mirrors, for every element pair over the sampled band."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class ImageBand(BandTracer):
     `MirroredFacets.first` and `last` index `mirrors`; `tx` and `rx` put a mirror on the leg from Tx and that to Rx.
     """
 
-    enough = 4000
+    probe_facets = 4000
     tangents = False
 
     def __init__(self, radar: Radar, rtol: float, mirrors: Sequence[Mirror], tx: bool, rx: bool) -> None:
@@ -64,7 +64,7 @@ class ImageBand(BandTracer):
             self.expansions.powers = 1
 
     def lengths(self, centroids: FloatArray, visible_facets: MirroredFacets) -> FloatArray:
-        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world] and the facets' mirrors."""
+        """(tx, rx, facet) delays [s] via `centroids` (facet, 3) [m, world] and the facets' mirrors."""
         place = centroids - self._origin
         by_tx = self._unfolded(place, visible_facets.first) if self.tx else place
         by_rx = self._unfolded(place, visible_facets.last) if self.rx else place
@@ -72,7 +72,7 @@ class ImageBand(BandTracer):
         to_rx = np.linalg.norm(by_rx - self._rx[:, None], axis=2)
         return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
-    def ways(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
+    def pair_delays(self, facets: Facets, pair: tuple[int, int]) -> FloatArray:
         """(facet,) reference delays [s] of one pair's gains."""
         if not isinstance(facets, MirroredFacets):
             raise TypeError(f"facets is a {type(facets).__name__}: MirroredFacets are needed")

@@ -1,23 +1,19 @@
-"""Physical optics of one facet, in closed form, on Dr.Jit's float64 arrays (LLVM or CUDA).
+"""Physical optics of facets in closed form, on Dr.Jit's float64 arrays (LLVM or CUDA).
 
-With Tx element at distance R_t, Rx element at R_r and k = 2 pi f / c the gain of a facet is
+With the Tx element at distance R_t, the Rx element at R_r and k = 2 pi f / c the gain of a facet is
 
     a = (j / 4 pi) F A / (R_t R_r) <exp(-j k (R_t + R_r))>
 
-where A is the area, <.> the mean over the facet and F the polarimetric obliquity: half the projection of
-the Stratton-Chu integrand of the tangential fields (incident plus Fresnel-reflected) on the Rx element's field
-direction (:mod:`rfgen_sionna.tracing.integral.obliquity`). For a metal plate at normal incidence F = -1, so that an
-infinite mirror at distance d gives the image-theory gain -lambda / (4 pi 2 d) exp(-j 2 k d).
+A is the area, <.> the mean over the facet, and F the obliquity: half the projection of the Stratton-Chu integrand of
+the tangential fields on the Rx element's field (:mod:`rfgen_sionna.tracing.integral.obliquity`). At normal incidence on
+metal F = -1: an infinite mirror at distance d has the image-theory gain -lambda / (4 pi 2 d) exp(-j 2 k d).
 
-The mean of a linear phase over a triangle has a closed form (:mod:`rfgen_sionna.tracing.integral.simplex`). The phase
-of a facet is not quite linear, nor is its return equally strong all over (distance, angle, polarisation). Both are
-small on a facet, but neighbouring facets repeat the same residue: a grating, whose lobes add up in first order. So the
-quadratic part of the phase is kept to first order, with its variance, and the strength to second
-(:mod:`rfgen_sionna.tracing.integral.quadratic`), which leaves an error of second order.
+The mean of a linear phase has a closed form (:mod:`rfgen_sionna.tracing.integral.simplex`). The small rest is a grating
+on neighbouring facets, whose lobes are of first order. So the quadratic part of the phase is kept to first order, with
+its variance, and the strength to second (:mod:`rfgen_sionna.tracing.integral.quadratic`): the error is of second order.
 
 A bent facet is a quadratic patch (:mod:`rfgen_sionna.tracing.surface.quadratic_patch`): its path length is quadratic
-all the
-same, and its vector element of area, slope and stretch in one, weighs the strength at its corners and in its middle.
+too, and its area element weights the strength at the corners and in the middle.
 """
 
 from __future__ import annotations
@@ -56,7 +52,7 @@ from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 
 @dataclass(frozen=True)
 class Nodes:
-    """Element pairs and frequencies at which facets are integrated, one of each per node."""
+    """Element pairs and frequencies of the integrals, one of each per node."""
 
     tx: FloatArray
     """(node, 3) [m]"""
@@ -70,7 +66,7 @@ class Nodes:
 
     @property
     def one_pair(self) -> bool:
-        """Whether they are frequencies of one pair."""
+        """Whether all nodes are of one pair."""
         return bool((self.tx == self.tx[0]).all() and (self.rx == self.rx[0]).all())
 
 
@@ -79,24 +75,24 @@ class FacetGains:
     """Gains and delays of facets at every node."""
 
     terms: ComplexArray
-    """(term, node, facet): gains, then slopes if they were asked for."""
+    """(term, node, facet) gains, then their slopes."""
     tau: FloatArray
-    """(node, facet) delay by way of the centroid, or of another point of reference [s]."""
+    """(node, facet) delays by way of the reference points [s]."""
 
     @property
     def a(self) -> ComplexArray:
-        """(node, facet) complex gain without the propagation phase of that point."""
+        """(node, facet) complex gains without the propagation phase of the reference points."""
         return self.terms[0]
 
     @property
     def slopes(self) -> ComplexArray:
-        """(slope, node, facet) of the gains over the wavenumber [m], over the `axes` and, if asked for, over each two
-        of them and over what path lengths have of second order in each two."""
+        """(slope, node, facet) slopes of the gains, in the order of :class:`SlopeOrder`; over the
+        wavenumber [m] first."""
         return self.terms[1:]
 
 
 class GainBuffer:
-    """Where the gains of `count` facets are written, those of some facets at a time."""
+    """Output buffer for the gains of `count` facets, filled in parts."""
 
     def __init__(self, count: int) -> None:
         self.count = count
@@ -109,11 +105,8 @@ class GainBuffer:
 def split_by_curvature(
     curved: NDArray[np.bool_] | None, gains: Callable[[NDArray[np.intp] | slice, bool, GainBuffer | None], FacetGains]
 ) -> FacetGains:
-    """Gains of flat facets and of `curved` (facet,) ones, apart: `gains` takes an index, whether these are curved, and
-    what they are written into.
-
-    Large flat facets are integrated point by point, which curved ones, that are small, don't need.
-    """
+    """Gains of flat facets and of `curved` (facet,) ones, by two calls of `gains` (index, curved, buffer). Only large
+    flat facets are integrated in many parts."""
     if curved is None or curved.all() or not curved.any():
         return gains(slice(None), curved is not None and bool(curved.any()), None)
     buffer = GainBuffer(len(curved))
@@ -147,63 +140,52 @@ def facet_gains(
 ) -> FacetGains:
     """Gain of every facet at every node.
 
+    Facets without area, with Tx and Rx on different sides, or within 0.1 mm of an element have gain 0.
+
     Parameters
     ----------
     corners
-        (facet, 3, 3) corner positions [m], either orientation. Less the `origin` they are near the radar's.
+        (facet, 3, 3) corner positions [m], either orientation.
     material
         (facet,) index into the materials of `media`.
     media
-        What the materials are at the nodes.
+        Materials at the nodes.
     nodes
         Element pairs and frequencies.
     tx_field, rx_field
-        (3,) direction of the elements' electric field; towards each facet its transverse part counts, unit gain.
+        (3,) direction of the elements' electric field; unit gain, transverse part.
     parts
-        (facet,) number n of parts that each edge is divided into: the facet is integrated as n^2 equal triangles. None
-        is 1.
+        (facet,) n of the n^2 equal triangles that a facet is integrated as; None means 1.
     monostatic
-        Whether obliquity and Fresnel coefficients are those for an element half way between Tx and Rx; phase and
-        spreading stay those of the pair. It errs by about a quarter of the square of baseline over distance, and takes
-        half the time.
+        Use obliquity and Fresnel coefficients of an element half way between Tx and Rx: half the time, relative error a
+        quarter of (baseline / distance)^2.
     via
-        The plane mirrors by way of which Tx or Rx or both see the facets; delays are those by way of them. None is the
-        straight way.
+        Mirrors on the legs of Tx and Rx; delays are by way of them. None means direct legs.
     reference
-        (facet, 3) points [m] that delays go by, and whose propagation phase the gains are without. None is the
-        facets' centroids.
-    bend
-        How the facets leave their flat triangles; None is that they don't.
-    screens
-        The slabs that Tx, and Rx, see the facets through, if anything. Delays hold that of the slabs' bulk.
+        (facet, 3) points [m] of the delays, whose propagation phase the gains lack; None means the centroids.
+    patch
+        Quadratic patches of bent facets; None means flat facets.
+    slab_stacks
+        Slabs on the legs of Tx and Rx; delays include their bulk. None means none.
     axes
-        (axis, 3) displacements [m] of Tx and Rx together, their sum, over which slopes of the gains are asked for.
+        (axis, 3) displacements [m] of Tx and Rx together, their sum, for slopes of the gains. None computes no slopes.
         Neither with mirrors nor with slabs.
-    pull
-        (facet, 3) by how much what the antennas make of a facet's points rises per metre, relative to what they make of
-        the point `gradient_origin` (facet, 3) [m], the centroid if it is None. None is that it does not. Neither with
-        mirrors nor with slabs.
-    into
-        Other facets' gains, among which these are written; what is returned is all of them then. None is that there are
-        no others.
+    pattern_gradient
+        (facet, 3) gradient of the pattern gain's logarithm [1/m], relative to the gain at `gradient_origin` (facet, 3)
+        [m]; a `gradient_origin` of None means the centroids. None means constant gain. Neither with mirrors nor with
+        slabs.
+    buffer
+        Output buffer to write into, and to return as a whole; None allocates one.
     origin
-        (3,) [m] of the frame that nodes, mirrors and slabs are in, in that of corners, `reference` and
-        `gradient_origin`. None is that it is the same frame.
+        (3,) origin [m] of the frame of nodes, mirrors and slabs in the frame of all facet positions; None means the
+        same frame.
     steady
-        Whether what the materials reflect may be taken to change linearly from node to node, as it does in the middle
-        of the facet. Where nodes are of one pair, with neither mirrors nor slabs, all but the integral over the phase
-        is reckoned once for all of them then. It errs by 0.1 to 0.2 times the square of the band over the frequency.
+        Take the reflection for linear over the nodes, as in the middle of the facet. Nodes of one pair, without mirrors
+        and slabs, then share all but the phase integral. Relative error 0.1 to 0.2 times (band / frequency)^2.
     kinds
-        Which slopes are asked for. Those over path lengths of second order stand apart, as displacements of Tx from Rx
-        have the same as those of both together.
+        Order of the slopes.
     outward
-        (facet,) which flat facets look away by their corners and are not turned round, but return what of them looks
-        at Tx and Rx still, bent as they are. None is none.
-
-    Notes
-    -----
-    Facets of zero area, those that Tx and Rx see from different sides, and elements closer than 0.1 mm to the centroid
-    give gain 0.
+        (facet,) facets that keep their orientation though their flat triangle faces away; None means none.
     """
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32
@@ -245,8 +227,8 @@ def facet_gains(
         given["outward"] = upload(UInt32, outward.astype(np.uint32))
     if parts is not None and int(np.max(parts)) > 1:
         given["parts"] = upload(UInt32, np.asarray(parts, np.uint32))
-        # Lanes that are computed together take as long as the one of most parts: those of as many side by side.
-        order = np.argsort(np.minimum(parts, 65_535).astype(np.uint16), kind="stable")  # short ones are quick to sort
+        # Lanes computed together take as long as the one of most parts; 16-bit integers sort quickly.
+        order = np.argsort(np.minimum(parts, 65_535).astype(np.uint16), kind="stable")
         given["order"] = upload(UInt32, order.astype(np.uint32))
     if (axes is not None or (together and len(nodes) > 1)) and (drifted := media.drifted) is not None:
         given["drifted"] = media_tables(dr, types, drifted)
@@ -265,8 +247,7 @@ def facet_gains(
 
 
 def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds: int, together: int) -> None:
-    """The kernel of :func:`facet_gains`, of nothing but what is `given` on the device; so many nodes `together`, which
-    are frequencies of one pair, make a lane."""
+    """Kernel of :func:`facet_gains`; a lane holds `together` nodes, frequencies of one pair."""
     dr, types = drjit_types()
     Float, UInt32, Array3, Complex = types.Float64, types.UInt32, types.Array3f64, types.Complex2f64
 
@@ -309,7 +290,7 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
     if "slab_stacks" in given:
         upright = cross / dr.maximum(dr.squared_norm(cross), 1e-300)
         slopes = [dr.cross(upright, p[(k + 2) % 3] - p[(k + 1) % 3]) for k in range(3)]
-    # What is bent may turn out of sight of one element and not of another: its side is the one that the radar sees.
+    # A bent facet's side is the one towards the radar: single elements may differ.
     away = dr.dot(cross, middle if "sagittas" in given and "via" not in given else middle - t) > 0
     if "outward" in given:
         away &= whole("outward", facet) == 0
@@ -337,21 +318,16 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
         sin, cos = dr.sincos(wavenumber * bulk)
         turn = ComplexPair(cos, sin)
     ends = t, r, field_of_tx, field_of_rx
-    with_pattern_gradient = None
+    gradient = None
     if "pattern_gradient" in given:
-        with_pattern_gradient = (
-            vector("pattern_gradient", facet),
-            placed("gradient_origin", facet) if "gradient_origin" in given else middle,
-        )
-    surface = FacetLanes(
-        cross, away, medium, *ends, monostatic, walls, middle, slopes, crossed, turn, with_pattern_gradient
-    )
+        gradient_origin = placed("gradient_origin", facet) if "gradient_origin" in given else middle
+        gradient = vector("pattern_gradient", facet), gradient_origin
+    surface = FacetLanes(cross, away, medium, *ends, monostatic, walls, middle, slopes, crossed, turn, gradient)
     moved = None if axes is None else [vector("axes", UInt32(axis)) for axis in range(axes)]
     parts = whole("parts", facet) if "parts" in given else None
     if parts is None or sagittas is not None:
-        terms, excess = triangle_gain(
-            dr, Array3, Complex, surface, p, sagittas, wavenumbers, through, moved, kinds, parts
-        )
+        known = dr, Array3, Complex, surface
+        terms, excess = triangle_gain(*known, p, sagittas, wavenumbers, through, moved, kinds, parts)
         if "reference" in given or "corner_offsets" in given:
             terms = [_phase_shifted(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
     else:
@@ -362,11 +338,8 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
 
         def step(index: Any, *sums: Any) -> tuple[Any, ...]:
             row, column, turned, last = lattice_triangle(dr, Float(index))
-            part = [
-                lattice(row, column),
-                lattice(row + 1.0, dr.select(turned, column + 1.0, column)),
-                lattice(last, column + 1.0),
-            ]
+            second = lattice(row + 1.0, dr.select(turned, column + 1.0, column))
+            part = [lattice(row, column), second, lattice(last, column + 1.0)]
             terms, excess = triangle_gain(dr, Array3, Complex, surface, part, None, wavenumbers, through, moved, kinds)
             carried = [_phase_shifted(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
             found = [each.scaled(1.0 / (count * count)) for each in chain(*carried)]
@@ -375,14 +348,14 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
         several = number_of_terms(moved, kinds)
         found = sum_terms(dr, Float, parts * parts, step, several * together, dr.width(given["lanes"]))
         terms = [found[first : first + several] for first in range(0, len(found), several)]
-    if "drifted" in given:  # integrals are those for media that stay as they are at the mean wavenumber
+    if "drifted" in given:  # the integrals are those for the media at the mean wavenumber
         normal = cross / dr.maximum(dr.norm(cross), 1e-30)
         known = node, material, wavenumber, normal, middle - 0.5 * (t + r)
         changing = given["media"], given["drifted"]
         rate = dispersion(dr, types, changing, *known, (field_of_tx, field_of_rx))
         terms = [_dispersed(each, rate, there - wavenumber) for each, there in zip(terms, wavenumbers, strict=True)]
     length = dr.norm(through - t) + dr.norm(r - through) + bulk
-    # Written as NumPy's complex numbers lie in memory, which saves copying them.
+    # In the memory layout of NumPy's complex numbers.
     place = node * given["buffer"] + (whole("place", facet) if "place" in given else facet)
     size = given["size"]
     for number, each in enumerate(terms):
@@ -397,7 +370,7 @@ _INTEGRATED = FrozenKernel(_integrate)
 
 
 def _phase_shifted(dr: Any, terms: list[ComplexPair], wavenumber: Any, excess: Any) -> list[ComplexPair]:
-    """Gain and slopes of a point whose path exceeds that of the point of reference by `excess` [m], from there."""
+    """Gain and slopes with the phase of an `excess` path [m] over the reference point's."""
     sin, cos = dr.sincos(-wavenumber * excess)
     carrier = ComplexPair(cos, sin)
     if len(terms) > 1:
@@ -406,8 +379,7 @@ def _phase_shifted(dr: Any, terms: list[ComplexPair], wavenumber: Any, excess: A
 
 
 def _dispersed(terms: list[ComplexPair], rate: ComplexPair, beyond: Any) -> list[ComplexPair]:
-    """Gain and slopes where the media have changed at a `rate` [m], relative to the gain, over wavenumbers `beyond`
-    [rad/m] that for which they are."""
+    """Gain and slopes at wavenumbers `beyond` [rad/m] those of the media, for a relative `rate` of the gain [m]."""
     gain = ComplexPair(1.0 + rate.re * beyond, rate.im * beyond)
     found = [each.times(gain) for each in terms]
     if len(found) > 1:

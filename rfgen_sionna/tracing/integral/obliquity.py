@@ -1,8 +1,8 @@
-"""What a facet's surface does to the field: Fresnel coefficients of both polarisations and the currents they make.
+"""Fresnel coefficients of a facet's surface, and the polarimetric obliquity of its currents.
 
-Physical optics takes the currents from the incident side alone and so is not reciprocal where Tx and Rx lie in
-different directions. The obliquity used is therefore the mean of both ways, Tx to Rx and Rx to Tx: the same where
-physical optics is exact (one place for both, the specular direction), and reciprocal everywhere.
+Physical optics uses the currents of the incident side alone and is not reciprocal where Tx and Rx lie in different
+directions. The obliquity here is the mean of both ways: the same where physical optics is exact (monostatic, specular),
+and reciprocal everywhere.
 """
 
 from __future__ import annotations
@@ -19,52 +19,47 @@ from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 
 MAX_FRINGE = 3.0
-"""Phase [rad] that half the band may turn the echo of a slab's back face by, against its front's."""
+"""Phase [rad] of a slab's back face against its front over half the band, up to which both are one return."""
 
 FREQUENCY_STEP = 1e-4
-"""Share of the frequency over which the change of what is reflected is differenced."""
-_SIGNIFICANT = 0.01
-"""Share of what a facet's obliquity might be above which its change over itself tells anything."""
-_MIN_ACROSS = 1e-36
-"""Squares of the sines of the angles to the elements' fields, multiplied, up to which there is no direction across: for
-like fields 1e-9 rad."""
-_NEAREST = 1e-4
-"""Distance [m] that nearer elements count as there."""
+"""Relative step of the frequency for differences of the reflection."""
+MIN_RELATIVE_STRENGTH = 0.01
+"""Share of the largest possible strength from which its relative change is used."""
+_MIN_SINE_PRODUCT = 1e-36
+"""Product of the squared sines between direction and fields below which there is no transverse field: 1e-9 rad."""
+_MIN_DISTANCE = 1e-4
+"""Least distance [m] of an element: nearer ones count as there."""
 
 
 @dataclass(frozen=True)
 class Media:
-    """What facets are made of, at every node."""
+    """Materials of facets at every node."""
 
     permittivity: ComplexArray
-    """(node, material) relative, conductivity included as -j sigma/(omega eps0); an infinite one is a perfect
-    conductor."""
+    """(node, material) relative, with conductivity as -j sigma/(omega eps0); infinite for a perfect conductor."""
     permeability: ComplexArray
     """(node, material) relative."""
     thickness: FloatArray
-    """(material,) of the slab that a facet stands for [m]; infinite is a half-space."""
+    """(material,) thickness of a slab [m]; infinite for a half-space."""
     smoothness: FloatArray
-    """(material,) share sqrt(1 - S^2) of the reflected field that stays coherent on a rough surface."""
+    """(material,) coherent share sqrt(1 - S^2) of the field that a rough surface reflects."""
     raised: ComplexArray | None = None
-    """(node, material) relative permittivity at frequencies higher by `FREQUENCY_STEP`; None is that it is the same."""
+    """(node, material) relative permittivity at frequencies higher by `FREQUENCY_STEP`; None means unchanged."""
 
     @staticmethod
     def at(materials: Sequence[Material], frequencies: FloatArray, half_band: float = 0.0) -> Media:
-        """Media of `materials` at node frequencies (node,) [Hz]; the signal sweeps `half_band` [Hz] to both sides.
-
-        A slab whose back face returns an echo of its own, later than what the band blurs (`MAX_FRINGE`), counts as a
-        half-space: its front's return is what the facet stands for.
-        """
+        """Media of `materials` at node frequencies (node,) [Hz] of a band of `half_band` [Hz] to both sides. A slab
+        whose back face the band resolves from its front (`MAX_FRINGE`) counts as a half-space."""
         shape = (len(frequencies), len(materials))
         permittivity, permeability = np.empty((2, *shape), np.complex128), np.empty(shape, np.complex128)
-        known: dict[int, int] = {}  # a town has thousands of objects and a few materials
+        known: dict[int, int] = {}
         for number, material in enumerate(materials):
             first = known.setdefault(id(material.model), number)
             permeability[:, number] = material.permeability
             if first < number and materials[first].outside == material.outside:
                 permittivity[..., number] = permittivity[..., first]
                 continue
-            # A band may end where what is known does.
+            # The step may leave the material's frequency range.
             beyond = replace(material, outside="extrapolate") if material.outside == "raise" else material
             permittivity[0, :, number] = material.relative_permittivity(frequencies)
             permittivity[1, :, number] = beyond.relative_permittivity((1.0 + FREQUENCY_STEP) * np.asarray(frequencies))
@@ -80,46 +75,43 @@ class Media:
 
     @property
     def slabs(self) -> bool:
-        """Whether any facet stands for a slab."""
+        """Whether any material is a slab."""
         return bool(np.isfinite(self.thickness).any())
 
     def mean(self) -> Media:
-        """Their mean over the nodes, as that of a single one."""
+        """Mean over the nodes, as media of one node."""
 
         def over_nodes(values: ComplexArray) -> ComplexArray:
-            finite = np.isfinite(values).all(axis=0)  # a perfect conductor is one at all of them
+            finite = np.isfinite(values).all(axis=0)
             return np.where(finite, np.mean(np.where(finite, values, 0.0), axis=0), values[0])[None]
 
         raised = None if self.raised is None else over_nodes(self.raised)
-        return Media(
-            over_nodes(self.permittivity), over_nodes(self.permeability), self.thickness, self.smoothness, raised
-        )
+        means = over_nodes(self.permittivity), over_nodes(self.permeability)
+        return Media(*means, self.thickness, self.smoothness, raised)
 
     @property
     def drifted(self) -> Media | None:
-        """What they are at frequencies higher by `FREQUENCY_STEP`; None where what they reflect stays the same over
-        the band, as
-        permittivities do and there are no slabs."""
+        """Media at frequencies higher by `FREQUENCY_STEP`; None where reflection is constant over the band."""
         if self.raised is not None:
             return replace(self, permittivity=self.raised)
         return self if self.slabs else None
 
 
 class Medium(NamedTuple):
-    """The material of each lane."""
+    """Material of each lane."""
 
     permittivity: Any
     permeability: Any
     perfect: Any
     smoothness: Any
     electric_thickness: Any
-    """Wavenumber times thickness [rad]; None where all are half-spaces."""
+    """Wavenumber times thickness [rad]; None means half-spaces only."""
     thick: Any
     """Whether a lane is a half-space."""
 
 
 def media_tables(dr: Any, types: Any, media: Media) -> dict[str, Any]:
-    """`media` on the device, for :func:`media_of_lanes`."""
+    """Arrays of `media` on the device, for :func:`media_of_lanes`."""
     Float = types.Float64
     conductor = ~np.isfinite(media.permittivity)
     eps, mu = np.where(conductor, 1.0, media.permittivity), np.where(conductor, 1.0, media.permeability)
@@ -142,7 +134,7 @@ def media_tables(dr: Any, types: Any, media: Media) -> dict[str, Any]:
 
 
 def media_of_lanes(dr: Any, types: Any, media: dict[str, Any], node: Any, material: Any, wavenumber: Any) -> Medium:
-    """Of each lane, from :func:`media_tables`."""
+    """Medium of each lane, from :func:`media_tables`."""
     Complex = types.Complex2f64
     entry = node * media["count"] + material
 
@@ -163,17 +155,15 @@ def media_of_lanes(dr: Any, types: Any, media: dict[str, Any], node: Any, materi
 
 
 class ScatteredWave:
-    """A plane wave of unit field `e_in` along `k_in` on a facet, received along `k_out` by an element of field `e_out`.
-
-    Holds half of e_out . (k_out x (E x n) + k_out x (k_out x (n x eta H))) for the incident wave and for reflected ones
-    of unit coefficient in both polarisations.
-    """
+    """Plane wave of unit field `e_in` along `k_in` on a facet, received along `k_out` by an element of field `e_out`.
+    Attributes are half of e_out . (k_out x (E x n) + k_out x (k_out x (n x eta H))), the Stratton-Chu integrand, for
+    the incident wave and for reflected ones of unit coefficient in both polarisations."""
 
     def __init__(self, dr: Any, vector: Any, normal: Any, k_in: Any, e_in: Any, k_out: Any, e_out: Any) -> None:
         self.cos = dr.clip(-dr.dot(k_in, normal), 0.0, 1.0)
         s_raw = dr.cross(k_in, normal)
         self.sin = dr.norm(s_raw)
-        # At normal incidence the plane of incidence is free: any direction across will do.
+        # At normal incidence any direction across is s.
         spare = dr.cross(dr.select(dr.abs(normal.x) < 0.6, vector(1, 0, 0), vector(0, 1, 0)), normal)
         s = dr.select(self.sin > 1e-9, s_raw / dr.maximum(self.sin, 1e-9), dr.normalize(spare))
         k_reflected = k_in + 2.0 * self.cos * normal
@@ -189,7 +179,7 @@ class ScatteredWave:
         self._p = dr.dot(e_in, p_in) * received(p_reflected, k_reflected)
 
     def obliquity(self, dr: Any, complex_type: Any, medium: Medium) -> ComplexPair:
-        """Incident plus Fresnel-reflected."""
+        """Obliquity of the incident plus the Fresnel-reflected wave."""
         r_s, r_p = reflection(dr, complex_type, medium, self.cos, self.sin * self.sin)
         return ComplexPair(
             self._incident + r_s.real * self._s + r_p.real * self._p, r_s.imag * self._s + r_p.imag * self._p
@@ -199,22 +189,20 @@ class ScatteredWave:
 def backscatter(
     dr: Any, complex_type: Any, medium: Medium, normal: Any, offset: Any, tx_field: Any, rx_field: Any, nearest: Any
 ) -> ComplexPair:
-    """Obliquity over the square of the distance, for Tx and Rx in one place from which a point lies at `offset` [m].
-
-    The incident wave makes no return of its own there, and the reflected ones leave
-    cos (r_s e_s e'_s - r_p e_p e'_p). One over the distance is `nearest` [1/m] at most.
-    """
-    # Quotients take several times as long as products: there is one where there might be three.
+    """Obliquity over the squared distance, for Tx and Rx in one place at -`offset` [m] from a point. The incident wave
+    returns nothing, and the reflected ones cos (r_s e_s e'_s - r_p e_p e'_p). The inverse distance is at most `nearest`
+    [1/m]."""
+    # One quotient: each costs several products.
     inverse = 1.0 / dr.maximum(dr.norm(offset), 1e-30)
     k = offset * inverse
     cos = dr.clip(-dr.dot(k, normal), 0.0, 1.0)
     across = dr.cross(k, normal)
     sin2 = dr.dot(across, across)
     r_s, r_p = reflection(dr, complex_type, medium, cos, sin2)
-    # Of the transverse parts of the fields, as long as these and turned by 90 degrees: their product is the same.
+    # Transverse fields, turned by 90 degrees: the product of two is the same.
     e, f = dr.cross(tx_field, k), dr.cross(rx_field, k)
     squares = dr.squared_norm(e) * dr.squared_norm(f)
-    size = dr.select(squares > _MIN_ACROSS, 1.0 / dr.sqrt(dr.maximum(squares, _MIN_ACROSS)), 0.0)
+    size = dr.select(squares > _MIN_SINE_PRODUCT, 1.0 / dr.sqrt(dr.maximum(squares, _MIN_SINE_PRODUCT)), 0.0)
     along_s = dr.dot(tx_field, across) * dr.dot(rx_field, across) / dr.maximum(sin2, 1e-18)
     along_p = dr.dot(e, f) - along_s
     scale = cos * size * dr.square(dr.minimum(inverse, nearest))
@@ -234,38 +222,36 @@ def dispersion(
     offset: Any,
     fields: tuple[Any, Any],
 ) -> ComplexPair:
-    """By how much :func:`backscatter` changes over the wavenumber, over itself [m], for what the media are made of
-    alone: permittivities change, and slabs get thicker. `media` are those of :func:`media_tables`, as they are and at
-    frequencies higher by `FREQUENCY_STEP`."""
+    """Relative change of :func:`backscatter` per wavenumber [m] by the media alone. `media` are two results of
+    :func:`media_tables`: at the frequency, and higher by `FREQUENCY_STEP`."""
     found = []
     for each, by in zip(media, (1.0, 1.0 + FREQUENCY_STEP), strict=True):
         medium = media_of_lanes(dr, types, each, node, material, by * wavenumber)
-        found.append(backscatter(dr, types.Complex2f64, medium, normal, offset, *fields, 1.0 / _NEAREST))
+        found.append(backscatter(dr, types.Complex2f64, medium, normal, offset, *fields, 1.0 / _MIN_DISTANCE))
     now, then = found
     size = now.re * now.re + now.im * now.im
-    # Obliquity over the square of the distance is one over that at most.
-    representative = size * dr.square(dr.maximum(dr.squared_norm(offset), _NEAREST**2)) > _SIGNIFICANT**2
+    # The largest possible strength is the inverse squared distance.
+    representative = size * dr.square(dr.maximum(dr.squared_norm(offset), _MIN_DISTANCE**2)) > MIN_RELATIVE_STRENGTH**2
     inverse = dr.select(representative, 1.0 / dr.select(representative, size, 1.0), 0.0) / (FREQUENCY_STEP * wavenumber)
     return (then - now).times(ComplexPair(now.re * inverse, -now.im * inverse))
 
 
 def transverse(dr: Any, field: Any, direction: Any) -> Any:
-    """Unit vector of the field's part across `direction`; zero where there is none."""
+    """Unit vector of the part of a field across `direction`; zero where there is none."""
     across = field - dr.dot(field, direction) * direction
     size = dr.norm(across)
     return dr.select(size > 1e-9, across / dr.maximum(size, 1e-9), 0.0)
 
 
 def reflection(dr: Any, complex_type: Any, medium: Medium, cos: Any, sin2: Any) -> tuple[Any, Any]:
-    """Fresnel's r_s and r_p of the coherent field, of a half-space or a slab."""
+    """Fresnel's r_s and r_p of the coherent field, of a half-space or a slab (ITU-R P.2040, eq. 43)."""
     eps, mu = medium.permittivity, medium.permeability
-    cos = dr.maximum(cos, 1e-9)  # grazing incidence on what is like air is 0 by 0
+    cos = dr.maximum(cos, 1e-9)  # grazing incidence on air is 0 by 0
     root = dr.sqrt(eps * mu - sin2)
-    root = dr.select(root.imag > 0, -root, root)  # a wave that decays into the material, exp(+j omega t)
+    root = dr.select(root.imag > 0, -root, root)  # decay into the material, exp(+j omega t)
     r_s = (mu * cos - root) / (mu * cos + root)
     r_p = (eps * cos - root) / (eps * cos + root)
     if medium.electric_thickness is not None:
-        # The slab's two faces, and all that goes to and fro between them: ITU-R P.2040, eq. (43).
         turn = medium.electric_thickness * root * 2.0
         size = dr.select(medium.thick, 0.0, dr.exp(turn.imag))
         sin, cos_turn = dr.sincos(turn.real)
@@ -277,9 +263,9 @@ def reflection(dr: Any, complex_type: Any, medium: Medium, cos: Any, sin2: Any) 
 
 
 def _slab(dr: Any, r: Any, trip: Any) -> Any:
-    """Reflection of a slab whose faces reflect `r`; `trip` is the phasor of the way through it and back."""
+    """Reflection of a slab of face reflection `r` and round-trip phasor `trip`."""
     below = 1.0 - r * r * trip
-    # Nothing comes back from a slab of no thickness, at grazing incidence either.
+    # A slab without thickness reflects nothing, at grazing incidence too.
     vanishing = below.real * below.real + below.imag * below.imag < 1e-24
     return dr.select(vanishing, 0.0, r * (1.0 - trip) / dr.select(vanishing, 1.0, below))
 
@@ -287,7 +273,9 @@ def _slab(dr: Any, r: Any, trip: Any) -> Any:
 def strongest_reflection(
     materials: Sequence[Material], of: IntArray, cos: FloatArray, frequencies: FloatArray
 ) -> FloatArray:
-    """(ray,) the largest |r_s| or |r_p| over `frequencies` [Hz] of material number `of` (ray,) at incidence `cos`."""
+    """(ray,) largest of |r_s| and |r_p| over `frequencies` [Hz], of material number `of` (ray,) at the cosine `cos`
+    (ray,) of incidence.
+    """
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32
     shape = (len(frequencies), len(of))

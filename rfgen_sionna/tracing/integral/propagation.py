@@ -11,7 +11,7 @@ from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 
 
 def propagation_delays(places: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:
-    """(tx, rx, place) [s] from elements `tx` (tx, 3) to elements `rx` (rx, 3) by way of `places` (place, 3) [m]."""
+    """(tx, rx, point) delays [s] from elements `tx` (tx, 3) to elements `rx` (rx, 3) via `places` (point, 3) [m]."""
     count, shape = len(places), (len(tx), len(rx), len(places))
     if not count:
         return np.zeros(shape)
@@ -29,7 +29,7 @@ def propagation_delays(places: FloatArray, tx: FloatArray, rx: FloatArray) -> Fl
 
 
 def _delay(given: dict[str, Any], senders: int, receivers: int) -> None:
-    """The kernel of :func:`propagation_delays`."""
+    """Kernel of :func:`propagation_delays`."""
     dr, types = drjit_types()
     Float, UInt32, Array3, lane = types.Float64, types.UInt32, types.Array3f64, given["lanes"]
     place = Array3(*(dr.gather(Float, given["places"], 3 * lane + axis) for axis in range(3)))
@@ -49,23 +49,23 @@ _DELAYS = FrozenKernel(_delay)
 
 
 def delay_rates(places: FloatArray, velocities: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:
-    """(tx, rx, place) [s/s] by which :func:`propagation_delays` change as the places move with `velocities` (place,
-    3) [m/s]."""
+    """(tx, rx, point) rates [s/s] of :func:`propagation_delays`, positive receding, for points that move with
+    `velocities` (point, 3) [m/s]."""
     place, speed = (np.ascontiguousarray(each.T) for each in (places, velocities))
     to_tx, to_rx = (np.stack([_range_rates(one, place, speed) for one in each]) for each in (tx, rx))
     return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
 
 def _range_rates(element: FloatArray, place: FloatArray, speed: FloatArray) -> FloatArray:
-    """(place,) rates [m/s] of the distances of an `element` (3,) from each `place` (axis, place) [m], of places that
-    move at a `speed` (axis, place) [m/s]."""
+    """(point,) rates [m/s] of the distances of an `element` (3,) from points (axis, point) [m] of velocity `speed`
+    [m/s]."""
     x, y, z = place - element[:, None]
     along = x * speed[0] + y * speed[1] + z * speed[2]
     return np.asarray(along / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12))
 
 
 def phasors(cycles: FloatArray) -> ComplexArray:
-    """exp(-2j pi c) of each of the `cycles` c, of any shape, to 1e-15 beyond the rounding of `cycles`."""
+    """exp(-2j pi c) of the `cycles` c, of any shape; error 1e-15 beyond the rounding of `cycles`."""
     if not cycles.size:
         return np.zeros(cycles.shape, np.complex128)
     dr, types = drjit_types()
@@ -75,7 +75,7 @@ def phasors(cycles: FloatArray) -> ComplexArray:
 
 
 def _turn(given: dict[str, Any]) -> None:
-    """The kernel of :func:`phasors`."""
+    """Kernel of :func:`phasors`."""
     dr, _ = drjit_types()
     cycles, lane = given["cycles"], given["lanes"]
     sin, cos = dr.sincos((-2.0 * float(np.pi)) * (cycles - dr.round(cycles)))

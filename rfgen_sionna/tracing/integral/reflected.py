@@ -1,13 +1,12 @@
-"""Physical optics of a facet that is lit, or looked at, by way of a plane mirror: the kernel's part.
+"""Physical optics of a facet that one or both elements reach by way of plane mirrors, in the kernel.
 
-Behind a plane wall an element has an image. Towards a facet it radiates as the element does towards the wall, with the
-wall's r_s and r_p in the plane of incidence. In the image's own terms (its field f - 2 (f . n) n, its direction k, both
-as mirrored in the wall of normal n) what arrives is, with a = k x n,
+An element behind a plane wall of normal n has an image with the field f - 2 (f . n) n. Towards a facet it radiates as
+the element does towards the wall, with the wall's r_s and r_p in the plane of incidence. For the image's direction k,
+the transverse part e of its field, and a = k x n the field that arrives is
 
     -r_p e + (r_s + r_p) (e . a) a / |a|^2
 
-where e is the transverse part of the image's field. That is smooth through normal incidence, where r_s = -r_p, and the
-same for both senses of k: what the wall does on the way out it does on the way back.
+It is smooth through normal incidence, where r_s = -r_p, and the same for both senses of k.
 """
 
 from __future__ import annotations
@@ -25,32 +24,32 @@ from rfgen_sionna.tracing.integral.slabs import SlabStackLanes, transmitted_fiel
 
 
 class MirrorPlanes(NamedTuple):
-    """Mirrors."""
+    """Planes of mirrors."""
 
     normal: FloatArray
     """(mirror, 3) unit vectors."""
     offset: FloatArray
-    """(mirror,) normal . x of the mirror's points [m], in the frame of the facets' corners."""
+    """(mirror,) normal . x of the mirror's points [m], in the frame of the nodes."""
     media: Media
-    """What the mirrors are made of, one material to a mirror."""
+    """One material per mirror."""
 
 
 @dataclass(frozen=True)
 class MirrorLegs:
-    """By which mirrors facets are lit and looked at."""
+    """Mirrors on the legs to and from each facet."""
 
     mirrors: MirrorPlanes
-    """Those next to the facets."""
+    """Mirrors next to the facets."""
     before: MirrorPlanes | None
-    """Of each the one that comes before it, seen from the elements; None where there is none."""
+    """Mirror between the elements and each of `mirrors`; None means one mirror per leg."""
     tx: IntArray | None
-    """(facet,) index of the mirror by which the way from Tx goes; None is straight."""
+    """(facet,) index of the mirror on the leg from Tx; None means a direct leg."""
     rx: IntArray | None
-    """(facet,) that of the way to Rx."""
+    """(facet,) index of the mirror on the leg to Rx; None means a direct leg."""
 
 
 class MirrorLanes(NamedTuple):
-    """The mirror of each lane, and the one that comes before it, seen from the elements, if any does."""
+    """Mirror of each lane, and the mirror before it as seen from the elements, if any."""
 
     normal: Any
     offset: Any
@@ -58,19 +57,19 @@ class MirrorLanes(NamedTuple):
     before: MirrorLanes | None = None
 
     def image(self, dr: Any, point: Any) -> Any:
-        """The image of an element."""
+        """Image of an element's position."""
         if self.before is not None:
             point = self.before.image(dr, point)
         return point - 2.0 * (dr.dot(point, self.normal) - self.offset) * self.normal
 
     def turned(self, dr: Any, field: Any) -> Any:
-        """The image of the direction of an element's field."""
+        """Image of a direction."""
         if self.before is not None:
             field = self.before.turned(dr, field)
         return field - 2.0 * dr.dot(field, self.normal) * self.normal
 
     def surfaces(self, dr: Any) -> list[tuple[Any, Medium]]:
-        """Normals, as the images are turned, and media of what a wave is reflected by, one after the other."""
+        """Normals in the image's frame and media of the reflecting surfaces, in order from the element."""
         own = [(self.normal, self.medium)]
         if self.before is None:
             return own
@@ -79,7 +78,7 @@ class MirrorLanes(NamedTuple):
 
 
 class _Field(NamedTuple):
-    """A complex vector."""
+    """Complex vector."""
 
     re: Any
     im: Any
@@ -91,7 +90,7 @@ class _Field(NamedTuple):
 
 
 def mirror_tables(dr: Any, types: Any, via: MirrorLegs) -> dict[str, Any]:
-    """`via` on the device, for :func:`mirrors_of_lanes`."""
+    """Arrays of `via` on the device, for :func:`mirrors_of_lanes`."""
     Float, UInt32 = types.Float64, types.UInt32
 
     def table(planes: MirrorPlanes) -> dict[str, Any]:
@@ -111,7 +110,7 @@ def mirror_tables(dr: Any, types: Any, via: MirrorLegs) -> dict[str, Any]:
 def mirrors_of_lanes(
     dr: Any, types: Any, via: dict[str, Any], facet: Any, node: Any, wavenumber: Any
 ) -> tuple[MirrorLanes | None, MirrorLanes | None]:
-    """The mirrors of Tx and Rx, from :func:`mirror_tables`."""
+    """Mirrors of Tx and Rx per lane; None means a direct leg."""
 
     def wall(way: str) -> MirrorLanes | None:
         if way not in via:
@@ -130,11 +129,9 @@ def mirrors_of_lanes(
 
 
 class ReflectedStrength:
-    """Obliquity over the product of the distances, at the points of a facet; `surface` holds the elements' images.
-
-    The Fresnel coefficients of wall and facet are those at the `centre`, where it has this `normal`: how they change
-    over a facet is less than directions and distances do, and weaker by the wall's reflection.
-    """
+    """Obliquity over the product of the distances at points of a facet; `surface` holds the elements' images. Fresnel
+    coefficients are those at `centre` with this `normal`: they vary less over a facet than directions and distances
+    do."""
 
     def __init__(self, dr: Any, vector: Any, complex_type: Any, surface: Any, centre: Any, normal: Any) -> None:
         self._dr, self._vector, self._surface, self._complex = dr, vector, surface, complex_type
@@ -162,7 +159,7 @@ class ReflectedStrength:
         return from_tx / distance_tx, to_rx / distance_rx, distance_tx * distance_rx
 
     def at(self, point: Any, normal: Any) -> ComplexPair:
-        """At a point of the facet, whose surface has this `normal` there."""
+        """Strength at a `point` of surface normal `normal`."""
         dr, surface = self._dr, self._surface
         k_in, k_out, spread = self._ways(point)
 
@@ -184,7 +181,7 @@ class ReflectedStrength:
 
 
 def _reflected(dr: Any, mirrored: _Field, across: Any, r_s: Any, r_p: Any) -> _Field:
-    """What a surface makes of a wave, from the wave's mirror image in it; `across` is k x n."""
+    """Reflected field of a wave from its mirror image; `across` is k x n."""
     both = r_s + r_p
     share = ComplexPair(dr.dot(mirrored.re, across), dr.dot(mirrored.im, across))
     share = ComplexPair(both.real, both.imag).times(share).scaled(1.0 / dr.maximum(dr.dot(across, across), 1e-18))
@@ -197,12 +194,12 @@ def _reflected(dr: Any, mirrored: _Field, across: Any, r_s: Any, r_p: Any) -> _F
 def _obliquity(
     dr: Any, normal: Any, k_in: Any, e_in: _Field, k_out: Any, e_out: _Field, coefficients: tuple[Any, Any]
 ) -> ComplexPair:
-    """As :class:`rfgen_sionna.tracing.integral.obliquity.Way`, for complex fields."""
+    """As :class:`rfgen_sionna.tracing.integral.obliquity.ScatteredWave`, for complex fields."""
     cos = dr.clip(-dr.dot(k_in, normal), 0.0, 1.0)
     k_reflected = k_in + 2.0 * cos * normal
     image = _Field(*(each - 2.0 * dr.dot(each, normal) * normal for each in e_in))
     returned = _reflected(dr, image, dr.cross(k_in, normal), *coefficients)
-    # What a field E that travels along d leaves at the receiver: E . (n x (e x k) + (n x e) x d) / 2.
+    # A field E along direction d is received as E . (n x (e x k) + (n x e) x d) / 2.
     electric = [dr.cross(normal, dr.cross(e, k_out)) for e in e_out]
     current = [dr.cross(normal, e) for e in e_out]
 

@@ -1,30 +1,33 @@
 """Means of exp(-j phi) and its moments over a triangle on which the phase phi is linear.
 
-With barycentric coordinates l_i and corner phases p_i these are divided differences of f(x) = exp(-j x)
+With barycentric coordinates l_i and corner phases p_i they are divided differences of f(x) = exp(-j x)
 (Hermite-Genocchi): with G[x_0 ... x_n] = j^n f[x_0 ... x_n],
 
     <exp(-j phi)>         = 2 G[p_0, p_1, p_2]
     <l_i exp(-j phi)>     = 2 G[p_0, p_1, p_2, p_i]
     <l_i l_k exp(-j phi)> = 2 G[p_0, p_1, p_2, p_i, p_k]
 
-For sorted phases a <= b <= c every one of them reduces to integrals along the edges ab and bc, spherical Bessel
-functions of half the phase difference, by dividing by c - a only. Where c - a is small a power series takes over.
+For sorted phases a <= b <= c each reduces to integrals along the edges ab and bc, spherical Bessel functions of half
+the phase difference, divided by c - a. A power series replaces it where c - a is small.
 
-What all of them grow by when all phases do, D = sum_i p_i d/dp_i, is found on the same way. That of lower moments are
-higher ones; of the highest, those that two corners share, (D + 1) of a quotient by c - a is that of D of its numerator.
+The growth of a moment is D = sum_i p_i d/dp_i of it. The D of a lower moment consists of higher ones; for the highest,
+of two corners, (D + 1) of a quotient by c - a is D of its numerator over c - a.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-SERIES_SPREAD = 0.1  # rad; at it the differences, divided by it three times at most, lose three digits
-SERIES_TERMS = 7  # remainder below 1e-13 of the mean for spreads up to that
+SERIES_SPREAD = 0.1
+"""Spread of the phases [rad] below which the series holds: differences lose three digits at it."""
+SERIES_TERMS = 7
+"""Terms of the series: remainder below 1e-13 of the mean up to `SERIES_SPREAD`."""
 _BESSEL_SERIES = 0.3
+"""Argument below which the spherical Bessel functions are series of five terms: remainder below 1e-16."""
 
 
 class Complex(NamedTuple):
-    """A complex number as two real arrays: real factors and quarter turns stay cheap."""
+    """Complex number as two real arrays: real factors and quarter turns are cheap."""
 
     re: Any
     im: Any
@@ -44,6 +47,7 @@ class Complex(NamedTuple):
         return Complex(-self.im, self.re)
 
     def times(self, other: Complex) -> Complex:
+        """Complex product."""
         return Complex(self.re * other.re - self.im * other.im, self.re * other.im + self.im * other.re)
 
 
@@ -55,12 +59,12 @@ class Moments(NamedTuple):
     corner: tuple[Complex, Complex, Complex]
     """<l_i exp(-j phi)> for corners 0, 1, 2"""
     edge: tuple[Complex, Complex, Complex]
-    """<l_i l_k exp(-j phi)> for the edges opposite to corners 0, 1, 2"""
+    """<l_i l_k exp(-j phi)> for the edges opposite corners 0, 1, 2"""
     growth: tuple[Complex, ...] = ()
-    """By how much those of the edges grow with all phases, over how much these do, in proportion; if asked for."""
+    """Growth of the moments of edges; empty unless requested."""
 
     def along(self, way: Any) -> list[Complex]:
-        """<l_i s exp(-j phi)> for corners 0, 1, 2 and what is linear with the values `way` at the corners."""
+        """<l_i s exp(-j phi)> for corners 0, 1, 2, with s linear and `way` at the corners."""
         edge = self.edge
         return [
             self.corner[i].scaled(way[i])
@@ -71,8 +75,7 @@ class Moments(NamedTuple):
 
 
 def moments(dr: Any, p: tuple[Any, Any, Any], growth: bool = False) -> Moments:
-    """Moments for corner phases `p` [rad], arrays of any one Dr.Jit real type, with what those of the edges grow by if
-    that is asked for."""
+    """Moments for corner phases `p` [rad], arrays of one Dr.Jit real type; `growth` adds that of the edges' moments."""
     low = dr.minimum(dr.minimum(p[0], p[1]), p[2])
     high = dr.maximum(dr.maximum(p[0], p[1]), p[2])
     middle = p[0] + p[1] + p[2] - low - high
@@ -88,7 +91,7 @@ def moments(dr: Any, p: tuple[Any, Any, Any], growth: bool = False) -> Moments:
     found = dr.if_stmt((low, middle, high), spread < SERIES_SPREAD, by(_by_series), by(_by_differences))
     mean, *rest = (Complex(*found[k : k + 2]) for k in range(0, len(found), 2))
 
-    # Back from sorted order: corner i is the low, the middle or the high one. Equal phases have equal moments.
+    # Back from sorted order; equal phases have equal moments.
     def unsorted(values: list[Complex], index: int) -> Complex:
         is_low, is_high = p[index] == low, p[index] == high
         re = dr.select(is_low, values[0].re, dr.select(is_high, values[2].re, values[1].re))
@@ -103,7 +106,7 @@ def moments(dr: Any, p: tuple[Any, Any, Any], growth: bool = False) -> Moments:
 
 
 class _Edge(NamedTuple):
-    """G over the corners x <= y of an edge, each as often as its name says."""
+    """G over the corners x <= y of an edge, each as often as in the field's name."""
 
     xy: Complex
     xxy: Complex
@@ -112,7 +115,7 @@ class _Edge(NamedTuple):
 
 
 def _edge(dr: Any, h: Any, turn: Complex, middle: Complex) -> _Edge:
-    """`h` is half of y - x, `turn` is exp(-j h), `middle` exp(-j (x + y) / 2)."""
+    """G for h = (y - x) / 2, `turn` = exp(-j h), `middle` = exp(-j (x + y) / 2)."""
     small = h < _BESSEL_SERIES
     inverse = 1.0 / dr.select(small, 1.0, h)
     h2 = h * h
@@ -144,18 +147,14 @@ def _by_differences(dr: Any, a: Any, b: Any, c: Any, growth: bool) -> Moments:
     found = Moments(
         abc.scaled(2.0),
         (aabc.scaled(2.0), abbc.scaled(2.0), abcc.scaled(2.0)),
-        (
-            divided(bc.xxyy, abbc).scaled(2.0),
-            divided(abcc, aabc).scaled(2.0),
-            divided(abbc, ab.xxyy).scaled(2.0),
-        ),
+        (divided(bc.xxyy, abbc).scaled(2.0), divided(abcc, aabc).scaled(2.0), divided(abbc, ab.xxyy).scaled(2.0)),
     )
     if not growth:
         return found
     of_a, of_b, of_c = (each.turned().scaled(-1.0) for each in found.along((a, b, c)))
 
     def of_edge(edge: _Edge, mean_phase: Any) -> Complex:
-        """Of twice G over both of its corners, twice each."""
+        """Growth numerator of 2 G[x, x, y, y]."""
         return edge.xy - edge.xxyy.scaled(6.0) - edge.xxyy.turned().scaled(2.0 * mean_phase)
 
     grown = (

@@ -1,13 +1,12 @@
-"""Transmission through slabs: the kernel's part.
+"""Transmission through slabs, in the kernel.
 
-A surface of a material with a thickness is a slab without extent: a wave goes straight on through it, times (ITU-R
-P.2040, eq. 43, as in Sionna)
+A surface of a material with a thickness is a slab without extent. A wave crosses it straight, times (ITU-R P.2040, eq.
+43)
 
     T = (1 - r^2) exp(-j q) / (1 - r^2 exp(-2 j q)),   q = k d sqrt(eps mu - sin^2)
 
-with Fresnel's r of one face, per polarisation, and the path's length is not shortened by the slab's thickness. The
-delay of the bulk, d sqrt(Re eps mu - sin^2) / c at the middle of the band, counts as length; what is left of the phase
-is the gain's.
+with Fresnel's r of one face, per polarisation. The path keeps its length. The delay of the bulk, d sqrt(Re eps mu -
+sin^2) / c at the middle of the band, is part of the delay; the rest of the phase is the gain's.
 """
 
 from __future__ import annotations
@@ -28,26 +27,27 @@ from rfgen_sionna.tracing.integral.obliquity import MAX_FRINGE
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 
 NO_SLAB = -1
+"""Material index where a leg crosses no slab."""
 MIN_LATE_REFLECTION = 0.02
-"""Echo of a slab's back face over its front's, above which it is told that it is left out."""
+"""Return of a slab's back face over its front's, above which a warning reports that it is omitted."""
 _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class SlabTable:
-    """What may be gone through: materials with a thickness."""
+    """Materials with a thickness."""
 
     materials: tuple[Material, ...]
     thickness: FloatArray
-    """(material,) [m]; 0 for those without."""
+    """(material,) [m]; 0 for opaque materials."""
     index2: FloatArray
-    """(material,) square of the refractive index that the bulk's delay is reckoned with."""
+    """(material,) squared refractive index for the delay of the bulk."""
     internal_reflections: FloatArray
     """(material,) 1 where reflections between the faces are part of the return, 0 where the band resolves them."""
 
     @staticmethod
     def of(materials: Sequence[Material], centre: float, half_band: float) -> SlabTable:
-        """For a band `half_band` [Hz] to both sides of `centre` [Hz]."""
+        """Table for a band of `half_band` [Hz] to both sides of `centre` [Hz]."""
         count = len(materials)
         thickness, index2, internal_reflections = np.zeros(count), np.ones(count), np.ones(count)
         for number, material in enumerate(materials):
@@ -61,48 +61,51 @@ class SlabTable:
 
     @property
     def round_trip_lengths(self) -> FloatArray:
-        """(material,) by how much later the first echo between a slab's faces is, at normal incidence [m]."""
+        """(material,) excess path of the first reflection between the faces at normal incidence [m]."""
         return np.asarray(2.0 * self.internal_reflections * np.sqrt(self.index2) * self.thickness)
 
     def strength(self, frequency: float) -> FloatArray:
-        """(material,) |T| at normal incidence; 0 for what is opaque."""
+        """(material,) |T| at normal incidence at a `frequency` [Hz]; 0 for opaque materials."""
         found = np.zeros(len(self.materials))
         for number, material in enumerate(self.materials):
             eps = complex(material.relative_permittivity(frequency))
             if material.thickness is None or not np.isfinite(eps):
                 continue
-            ones = np.ones(1)
-            found[number] = float(np.abs(transmission(eps, complex(material.permeability), material.thickness, ones,
-                                                      frequency, self.internal_reflections[number])[0][0]))  # fmt: skip
+            given = eps, complex(material.permeability), material.thickness, np.ones(1), frequency
+            found[number] = float(np.abs(transmission(*given, self.internal_reflections[number])[0][0]))
         return found
 
     def lengths(self, crossed: IntArray, normals: FloatArray, k: FloatArray) -> FloatArray:
         """(..., facet) delay in slabs [m] along unit vectors `k` (..., facet, 3), through the slabs `crossed` (facet,
-        depth) with `normals` (facet, depth, 3)."""
+        depth) of `normals` (facet, depth, 3)."""
         cos = np.einsum("fdi,...fi->...fd", normals, k)
         sin2 = np.maximum(1.0 - cos * cos, 0.0)
         bulk = self.thickness[crossed] * np.sqrt(np.maximum(self.index2[crossed] - sin2, 0.0))
         return np.asarray(np.where(crossed == NO_SLAB, 0.0, bulk).sum(axis=-1))
 
 
-def transmission(
-    eps: complex, mu: complex, thickness: float, cos: FloatArray, frequency: float, internal_reflections: float = 1.0
-) -> tuple[ComplexArray, ComplexArray]:
-    """T of s and p polarisation at incidence `cos`, in NumPy."""
+def face_reflection(eps: complex, mu: complex, cos: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """(...) sqrt(eps mu - sin^2) and Fresnel's r_s, r_p of one face, for cosines `cos` (...) of incidence."""
     root = np.sqrt(eps * mu - (1.0 - cos**2) + 0j)
     root = np.where(root.imag > 0, -root, root)
     cos = np.maximum(cos, 1e-9)
+    return root, (mu * cos - root) / (mu * cos + root), (eps * cos - root) / (eps * cos + root)
+
+
+def transmission(
+    eps: complex, mu: complex, thickness: float, cos: FloatArray, frequency: float, internal_reflections: float = 1.0
+) -> tuple[ComplexArray, ComplexArray]:
+    """(...) T of s and p polarisation for cosines `cos` (...) of incidence; `thickness` in m, `frequency` in Hz.
+    `internal_reflections` is 1 with reflections between the faces, 0 without. ITU-R P.2040, eq. 43."""
+    root, *faces = face_reflection(eps, mu, cos)
     once = np.exp(-2j * np.pi * frequency / SPEED_OF_LIGHT * thickness * root)
-    found = []
-    for face in (mu, eps):
-        r = (face * cos - root) / (face * cos + root)
-        found.append((1.0 - r * r) * once / (1.0 - internal_reflections * r * r * once * once))
-    return found[0], found[1]
+    t_s, t_p = ((1.0 - r * r) * once / (1.0 - internal_reflections * r * r * once * once) for r in faces)
+    return t_s, t_p
 
 
 def late_reflections(materials: Sequence[Material], centre: float, half_band: float) -> FloatArray:
-    """(material,) the echo of each slab's back face at normal incidence, over what its front returns, where the band
-    tells both apart and the echo is left out; 0 of others. What is seen through it lacks |r|^2 of that in turn."""
+    """(material,) return of the back face over the front's at normal incidence, for slabs whose faces the band
+    resolves; else 0. Transmission lacks |r|^2 times as much."""
     late = np.flatnonzero(SlabTable.of(materials, centre, half_band).internal_reflections == 0)
     found = np.zeros(len(materials))
     for number in late.tolist():
@@ -111,12 +114,12 @@ def late_reflections(materials: Sequence[Material], centre: float, half_band: fl
         root = np.sqrt(eps * mu)
         r = (mu - root) / (mu + root)
         decay = abs(root.imag) * 4 * np.pi * centre / SPEED_OF_LIGHT * (material.thickness or 0.0)
-        found[number] = abs(1.0 - r * r) * np.exp(-decay) if abs(r) > 1e-6 else 0.0  # of air neither is there
+        found[number] = abs(1.0 - r * r) * np.exp(-decay) if abs(r) > 1e-6 else 0.0  # air reflects nothing
     return found
 
 
 def warn_of_late_reflections(materials: Sequence[Material], centre: float, half_band: float) -> None:
-    """Tell of slabs whose back face's echo is more than `MIN_LATE_REFLECTION` and left out, each once in a process."""
+    """Log a warning for slabs whose back face's omitted return exceeds `MIN_LATE_REFLECTION`, once per process."""
     for material, share in zip(materials, late_reflections(materials, centre, half_band).tolist(), strict=True):
         if share > MIN_LATE_REFLECTION:
             _warn_once(material.name, f"{1e3 * (material.thickness or 0.0):.3g}", round(100 * share))
@@ -125,47 +128,45 @@ def warn_of_late_reflections(materials: Sequence[Material], centre: float, half_
 @cache
 def _warn_once(name: str, millimetres: str, percent: int) -> None:
     _LOG.warning(
-        "the back face of %s mm of %s returns an echo of its own, up to %d %% of the front's, which is left out, as is "
-        "what it adds to what is seen through it", millimetres, name, percent,
+        "material %s, thickness %s mm: the band resolves the back face, whose return of up to %d %% of the front's is "
+        "omitted; reduce the bandwidth or the thickness to include it", name, millimetres, percent,
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class SlabStack:
-    """SlabStack on a leg of the way to each facet."""
+    """Slabs in order on one leg to each facet. Raises ValueError if `normals` and `crossed` do not match."""
 
     table: SlabTable
     crossed: IntArray
-    """(facet, depth) which material of the table, or `NO_SLAB`."""
+    """(facet, depth) material of the table, or `NO_SLAB`."""
     normals: FloatArray
-    """(facet, depth, corner, 3) unit vectors across the slabs where the ways to the facet's corners meet them."""
+    """(facet, depth, corner, 3) unit normals of the slabs on the ways to the facet's corners."""
 
     def __post_init__(self) -> None:
-        if self.normals.shape != (*self.crossed.shape, 3, 3):  # kernels would read beyond them
+        if self.normals.shape != (*self.crossed.shape, 3, 3):  # a kernel would read out of bounds
             raise ValueError(f"normals: shape {self.normals.shape}, {(*self.crossed.shape, 3, 3)} is needed")
 
 
 @dataclass(frozen=True)
 class SlabStacks:
-    """SlabStack between an element and each facet."""
+    """Slabs between an element and each facet."""
 
     before: SlabStack | None
-    """Those between the element and the mirror by way of which it sees the facet."""
+    """Slabs between the element and the mirror of its leg."""
     behind: SlabStack | None
-    """Those between the mirror, or the element itself where there is none, and the facet."""
+    """Slabs between the mirror, or the element of a direct leg, and the facet."""
 
 
 def normals_over_time(places: Sequence[NDArray[np.intp]], sums: Sequence[FloatArray], count: int) -> list[FloatArray]:
-    """(entry, ..., 3) unit normals of `count` entries at each instant: a slab may turn.
-
-    `sums` (row, ..., 3) are theirs at each instant, of any length, of which `places` (row,) counts out the entries;
-    -1 is none. Where an entry is not seen at an instant its normals are those of the nearest one at which it is.
-    """
+    """(entry, ..., 3) unit normals of `count` entries at each sample time. `sums` (row, ..., 3) are normals of any
+    length at each time, and `places` (row,) their entries, -1 for none. An entry without rows at a time has the normals
+    of the nearest time with some."""
     shape = (len(places), count, *sums[0].shape[1:])
     total, there = np.zeros(shape), np.zeros(shape[:2], np.bool_)
-    for own, visible, place, each in zip(total, there, places, sums, strict=True):
+    for own, present, place, each in zip(total, there, places, sums, strict=True):
         np.add.at(own, place[place >= 0], each[place >= 0])
-        visible[place[place >= 0]] = True
+        present[place[place >= 0]] = True
     total /= np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-12)
     entry, gaps = np.arange(count), np.arange(len(places))
     found = []
@@ -176,43 +177,43 @@ def normals_over_time(places: Sequence[NDArray[np.intp]], sums: Sequence[FloatAr
 
 
 def interpolated_normals(before: FloatArray, after: FloatArray, share: float) -> FloatArray:
-    """(..., 3) unit normals a `share` of the way from those `before` to those `after`."""
+    """(..., 3) unit normals at a `share` of the way from `before` to `after`."""
     between = before + share * (after - before)
     return np.asarray(between / np.maximum(np.linalg.norm(between, axis=-1, keepdims=True), 1e-12))
 
 
 class SlabLanes(NamedTuple):
-    """One slab of each lane."""
+    """One slab per lane."""
 
     normals: list[Any]
-    """Unit vectors across it on the ways to the facet's corners."""
+    """Unit normals on the ways to the facet's corners."""
     eps: Any
     mu: Any
     electric: Any
-    """Wavenumber times thickness; 0 where there is none, which changes nothing."""
+    """Wavenumber times thickness; 0 without a slab."""
     thickness: Any
     index2: Any
     internal_reflections: Any
     there: Any
 
     def across(self, dr: Any, weights: Sequence[Any] | None = None) -> Any:
-        """Unit vector across it on the way to barycentric coordinates `weights` of the facet, to its middle if None."""
+        """Unit normal on the way to barycentric coordinates `weights` of the facet; None means its middle."""
         one, other, third = self.normals
         if weights is not None:
             one, other, third = weights[0] * one, weights[1] * other, weights[2] * third
         total = one + other + third
-        return total / dr.maximum(dr.norm(total), 1e-12)  # of no slab it is nothing
+        return total / dr.maximum(dr.norm(total), 1e-12)
 
 
 class SlabStackLanes(NamedTuple):
-    """:class:`SlabStacks` of each lane, those before the mirror as mirror images: where the element's image is."""
+    """:class:`SlabStacks` of each lane; `before` holds mirror images, in the frame of the element's image."""
 
     before: list[SlabLanes]
     behind: list[SlabLanes]
 
 
 def slab_stack_tables(dr: Any, types: Any, slab_stacks: SlabStacks, frequencies: FloatArray) -> dict[str, Any]:
-    """`slab_stacks` on the device, at nodes of these `frequencies` (node,) [Hz], for :func:`slab_stacks_of_lanes`."""
+    """Arrays of `slab_stacks` on the device at node `frequencies` (node,) [Hz], for :func:`slab_stacks_of_lanes`."""
     sides = {"before": slab_stacks.before, "behind": slab_stacks.behind}
     return {name: _slab_tables(dr, types, slabs, frequencies) for name, slabs in sides.items() if slabs is not None}
 
@@ -223,7 +224,7 @@ def _slab_tables(dr: Any, types: Any, slabs: SlabStack, frequencies: FloatArray)
     eps = np.stack([each.relative_permittivity(frequencies) for each in table.materials], axis=1)
     eps = np.where(np.isfinite(eps), eps, 1.0)
     mu = np.array([complex(each.permeability) for each in table.materials])
-    levels = slabs.crossed.shape[1]
+    depth = slabs.crossed.shape[1]
     return {
         "count": dr.opaque(UInt32, len(table.materials)),
         "eps_re": upload(Float, eps.real),
@@ -239,7 +240,7 @@ def _slab_tables(dr: Any, types: Any, slabs: SlabStack, frequencies: FloatArray)
                 "present": upload(Float, slabs.crossed[:, level] != NO_SLAB),
                 "normals": upload(Float, slabs.normals[:, level]),
             }
-            for level in range(levels)
+            for level in range(depth)
         ],
     }
 
@@ -253,7 +254,7 @@ def slab_stacks_of_lanes(
     node: Any,
     wavenumber: Any,
 ) -> SlabStackLanes:
-    """Slabs of each lane, from :func:`slab_stack_tables`; `mirrored` makes the mirror image of a direction."""
+    """Slabs of each lane, from :func:`slab_stack_tables`; `mirrored` is the mirror image of a direction."""
 
     def of(side: str) -> list[SlabLanes]:
         return _slabs_of_lanes(dr, types, slab_stacks[side], facet, node, wavenumber) if side in slab_stacks else []
@@ -302,7 +303,7 @@ def slab_delay_length(dr: Any, crossed: SlabStackLanes, k: Any) -> Any:
 
 
 def _coefficients(dr: Any, complex_type: Any, slab: SlabLanes, across: Any) -> tuple[Any, Any]:
-    """T of s and p polarisation for a wave along k, with `across` = k x n; 1 where there is no slab."""
+    """T of s and p polarisation along k, with `across` = k x n; 1 without a slab."""
     sin2 = dr.minimum(dr.dot(across, across), 1.0)
     cos = dr.maximum(dr.sqrt(1.0 - sin2), 1e-9)
     root = dr.sqrt(slab.eps * slab.mu - sin2)
@@ -320,7 +321,7 @@ def _coefficients(dr: Any, complex_type: Any, slab: SlabLanes, across: Any) -> t
 
 
 def _transmit(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: Any) -> tuple[Any, Any]:
-    """A wave's field after a slab: t_p e + (t_s - t_p) (e . a) a / |a|^2, with `across` a = k x n."""
+    """Field after a slab: t_p e + (t_s - t_p) (e . a) a / |a|^2, with `across` a = k x n."""
     both = t_s - t_p
     share = ComplexPair(dr.dot(field_re, across), dr.dot(field_im, across))
     share = ComplexPair(both.real, both.imag).times(share).scaled(1.0 / dr.maximum(dr.dot(across, across), 1e-18))
@@ -333,8 +334,7 @@ def _transmit(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p:
 def transmitted_field(
     dr: Any, complex_type: Any, slabs: list[SlabLanes], weights: Sequence[Any], k: Any, field_re: Any, field_im: Any
 ) -> tuple[Any, Any]:
-    """A wave's field, real and imaginary part, after slabs that it goes through along `k`, to or from the barycentric
-    coordinates `weights` of the facet."""
+    """Field, real and imaginary part, after `slabs` along `k`, at barycentric coordinates `weights` of the facet."""
     for slab in slabs:
         across = dr.cross(k, slab.across(dr, weights))
         t_s, t_p = _coefficients(dr, complex_type, slab, across)

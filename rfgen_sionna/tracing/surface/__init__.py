@@ -1,16 +1,15 @@
-"""The smooth surface that a mesh stands for, and facets: pieces of it at an instant.
+"""Smooth surfaces sampled by meshes, and facets: pieces of them at one time.
 
-============  ============================================================
-module        what
-============  ============================================================
-`surfaces`    the surfaces of a scene, static and moving
-`smooth`      normals at the corners of a mesh's faces
-`patch`        how faces leave their flat triangles, and pieces of them
-`fineness`    how small facets have to be
-`tessellate`  faces split into facets
-`placing`     where they are at several times, and which look at the radar
-`aslant`      about what each returns
-`facets`      facets of several surfaces, in arrays
-`clip`        triangles cut to half-spaces
-============  ============================================================
+=================  =========================================================
+module             content
+=================  =========================================================
+`surfaces`         surfaces of a scene, static and moving
+`smoothing`        normals at the corners of a mesh's faces
+`quadratic_patch`  quadratic displacement of facets from flat triangles
+`resolution`       largest allowed facet size
+`tessellate`       division of faces into facets
+`facet_positions`  positions, orientations and estimated returns of facets
+`facets`           facets of several surfaces, in arrays
+`clip`             triangles clipped to half-spaces
+=================  =========================================================
 """

@@ -1,4 +1,4 @@
-"""Cutting triangles to half-spaces."""
+"""Clipping of triangles to half-spaces."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 
-LEAST_AREA = 1e-9
-"""Pieces smaller than this, against the triangle that they are cut from, are dropped."""
+_MIN_AREA = 1e-9
+"""Least area of a piece relative to its triangle: smaller ones are rounding errors."""
 
 
 def clip_triangles(
@@ -18,14 +18,12 @@ def clip_triangles(
     offsets: FloatArray,
     spared: NDArray[np.intp] | None = None,
 ) -> tuple[FloatArray, NDArray[np.intp]]:
-    """The parts of triangles `corners` (triangle, 3, 3) where sides . x >= offsets for all (side, 3), (side,), but for
-    that side, if any, whose number is `spared` (owner,).
-
-    Returns triangles and the `owner` of each, those of the triangle that it is cut from.
-    """
+    """Parts of triangles `corners` (triangle, 3, 3) where sides . x >= offsets for all `sides` (side, 3), `offsets`
+    (side,). `owner` (triangle,) are any numbers, which pieces inherit; `spared` (owner,) is the index of a side that is
+    skipped for an owner. Returns corners (piece, 3, 3) and owners (piece,)."""
     size = triangle_areas(corners)
     least = np.zeros(int(owner.max(initial=-1)) + 1)
-    np.maximum.at(least, owner, LEAST_AREA * size)
+    np.maximum.at(least, owner, _MIN_AREA * size)
     for number, (side, offset) in enumerate(zip(sides, offsets, strict=True)):
         if len(corners) == 0:
             break
@@ -38,13 +36,13 @@ def clip_triangles(
 
 
 def triangle_areas(corners: FloatArray) -> FloatArray:
-    """(triangle,) [m^2]."""
+    """(triangle,) areas [m^2] of triangles `corners` (triangle, 3, 3) [m]."""
     edges = corners[:, 1:] - corners[:, :1]
     return np.asarray(0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
 
 
 def _halve(corners: FloatArray, owner: NDArray[np.intp], height: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
-    """What of the triangles lies where `height` (triangle, corner), linear in them, is not negative."""
+    """Parts of triangles where `height` (triangle, corner), linear in them, is not negative."""
     inside = height >= 0
     count = inside.sum(axis=1)
     whole = count == 3
@@ -53,12 +51,12 @@ def _halve(corners: FloatArray, owner: NDArray[np.intp], height: FloatArray) -> 
         index = np.flatnonzero(count == number)
         if len(index) == 0:
             continue
-        # The corner that is alone on its side comes first.
+        # The single corner of a side comes first.
         alone = np.argmax(inside[index] == (number == 1), axis=1)
         order = (alone[:, None] + np.arange(3)) % 3
         p = np.take_along_axis(corners[index], order[:, :, None], axis=1)
         h = np.take_along_axis(height[index], order, axis=1)
-        share = h[:, :1] / (h[:, :1] - h[:, 1:])  # where the edges from that corner cross the side
+        share = h[:, :1] / (h[:, :1] - h[:, 1:])  # of the edges from that corner
         crossing = p[:, :1] + share[:, :, None] * (p[:, 1:] - p[:, :1])
         if number == 1:
             parts.append(np.stack([p[:, 0], crossing[:, 0], crossing[:, 1]], axis=1))

@@ -1,4 +1,7 @@
-"""Where the facets of a surface are at several times, and which look at the radar: all of it by one kernel."""
+"""Positions of facets at several times, the side they show to the radar, and estimates of their returns.
+
+Estimates take `corners` as nine arrays (axis, corner) seen from the radar: (axis, corner, facet) of NumPy or Dr.Jit's.
+"""
 
 from __future__ import annotations
 
@@ -18,16 +21,15 @@ class PlacedFacets(NamedTuple):
     """Facets at several times."""
 
     corners: FloatArray
-    """(time, facet, 3, 3) [m]; of the flat piece."""
+    """(time, facet, 3, 3) corners of the flat triangle [m]"""
     centroids: FloatArray
     """(time, facet, 3) [m]"""
     towards: NDArray[np.bool_]
-    """(time, facet) whether its face looks at the radar."""
+    """(time, facet) whether the face's front faces the radar."""
     return_estimate: FloatArray
-    """(time, facet) about what each returns, by
-    :func:`rfgen_sionna.tracing.surface.facet_positions.estimate_returns`."""
+    """(time, facet) estimated return of the flat triangle, by :func:`estimate_returns`."""
     return_bound: FloatArray
-    """(time, facet) the same of what each may return, bent as it is."""
+    """(time, facet) bound of the return of the bent facet."""
 
 
 def place_facets(
@@ -38,9 +40,9 @@ def place_facets(
     wavenumber: float,
     turn: FloatArray | None = None,
 ) -> PlacedFacets:
-    """Place the facets of a `piece` of a mesh with `faces` (face, 3), for its `vertices` (vertex, 3) [m] at every time,
-    as seen from the `viewpoint` (3,) [m] at a `wavenumber` [rad/m]. Faces are bent by `turn` (face,), that of
-    :meth:`rfgen_sionna.tracing.surface.smoothing.Smoothing.turn`; None: they are flat."""
+    """Place the facets of a `piece` of a mesh with `faces` (face, 3) and `vertices` (vertex, 3) [m] at every time. The
+    radar is at `viewpoint` (3,) [m], the `wavenumber` in rad/m, and `turn` (face,) the bend of faces by
+    :meth:`rfgen_sionna.tracing.surface.smoothing.Smoothing.turn`; None means flat faces."""
     times, count = len(vertices), len(piece.face)
     if not count:
         nothing = np.zeros((times, 0))
@@ -78,7 +80,7 @@ def place_facets(
 
 
 def _place(given: dict[str, Any]) -> None:
-    """The kernel of :func:`place_facets`."""
+    """Kernel of :func:`place_facets`."""
     dr, types = drjit_types()
     Float, UInt32, lane = types.Float64, types.UInt32, given["lanes"]
     time, facet = lane // given["facets"], lane % given["facets"]
@@ -87,11 +89,11 @@ def _place(given: dict[str, Any]) -> None:
     ends = [time * given["points"] + dr.gather(UInt32, given["faces"], 3 * face + k) for k in range(3)]
     corners = [[dr.gather(Float, given["vertices"], 3 * each + axis) for each in ends] for axis in range(3)]
 
-    def visible(points: list[list[Any]]) -> list[list[Any]]:
+    def from_radar(points: list[list[Any]]) -> list[list[Any]]:
         return [[each - start for each in axis] for axis, start in zip(points, radar[:3], strict=True)]
 
-    # Of the face as a whole: what pieces of it say near its edge depends on rounding.
-    a, b, c = zip(*visible(corners), strict=True)
+    # The face as a whole decides: for pieces near its edge rounding would.
+    a, b, c = zip(*from_radar(corners), strict=True)
     volume = sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3))
     if "weights" in given:
         weights = [[dr.gather(Float, given["weights"], 9 * facet + 3 * k + m) for m in range(3)] for k in range(3)]
@@ -105,10 +107,10 @@ def _place(given: dict[str, Any]) -> None:
         for k in range(3):
             write(corners[axis][k], of_corners, 9 * lane + 3 * k + axis)
         write((corners[axis][0] + corners[axis][1] + corners[axis][2]) / 3.0, of_centroids, 3 * lane + axis)
-    write(estimate_returns(visible(corners), radar[3]), of_estimate, lane)
+    write(estimate_returns(from_radar(corners), radar[3]), of_estimate, lane)
     if of_bound:
         turn = dr.gather(Float, given["turn"], face)
-        write(estimate_returns(visible(corners), radar[3], 0.0, turn), of_bound[0], lane)
+        write(estimate_returns(from_radar(corners), radar[3], 0.0, turn), of_bound[0], lane)
     write(dr.select(volume < 0, UInt32(1), UInt32(0)), given["towards"], lane)
     dr.eval(*given["found"], given["towards"])
 
@@ -117,12 +119,10 @@ _PLACED = FrozenKernel(_place)
 
 
 def estimate_returns(corners: Any, wavenumber: Any, aside: Any = 0.0, turn: Any = None) -> Any:
-    """(facet,) about what facets return, up to a factor that all share: their solid angle times the mean phasor over
-    each, by the `wavenumber` [rad/m] of all or of each and what the phase turns less `aside` of the radar.
-
-    With a `turn` (facet,) it is what they may return whose normals lean from the flat facets' by so much at some
-    corner, as a chord: aslant most comes from corners and edges, with the cosines there, which exceed that of the flat
-    facet by as much at most."""
+    """(facet,) estimated returns up to a common factor: solid angle times mean phasor, for a `wavenumber` [rad/m] of
+    all or of each. The phase [rad] turns by `aside` less (:func:`mean_phasor`). With `turn` (facet,), the largest chord
+    between the unit normals of a corner and of the flat facet, it is a bound: cosines exceed those of the flat facet by
+    as much at most."""
     angles = abs(solid_angles(corners))
     if turn is not None:
         angles = angles + turn * facing_solid_angles(corners)
@@ -130,14 +130,13 @@ def estimate_returns(corners: Any, wavenumber: Any, aside: Any = 0.0, turn: Any 
 
 
 def off_axis_phase(corners: Any, wavenumber: float, aperture: float) -> Any:
-    """(facet,) by how much less the phase [rad], there and back, may turn over facets for elements whose displacements
-    from the middle add up to `aperture` [m]."""
+    """(facet,) bound of the change of the two-way phase [rad] over facets between elements within `aperture` [m]."""
     width, distance = width_and_distance(corners)
     return wavenumber * aperture * width / _array_module(width).maximum(distance, 1e-9)
 
 
 def width_and_distance(corners: Any) -> tuple[Any, Any]:
-    """(facet,) longest edge, and how far the nearest corner is [m]."""
+    """(facet,) longest edge, and distance of the nearest corner [m]."""
     m = _array_module(corners[0][0])
     square = 0.0
     for k in range(3):
@@ -148,7 +147,7 @@ def width_and_distance(corners: Any) -> tuple[Any, Any]:
 
 
 def solid_angles(corners: Any) -> Any:
-    """(facet,) [sr] that they take far off, below zero where they look away."""
+    """(facet,) solid angles [sr] in the far field, negative for facets that face away."""
     m = _array_module(corners[0][0])
     a, one, other = ([axis[k] - (axis[0] if k else 0.0) for axis in corners] for k in range(3))
     volume = sum(a[i] * (one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2]) for i in range(3))
@@ -158,7 +157,7 @@ def solid_angles(corners: Any) -> Any:
 
 
 def facing_solid_angles(corners: Any) -> Any:
-    """(facet,) [sr] that they would take, turned to where they face the radar."""
+    """(facet,) solid angles [sr] of the facets turned to the radar."""
     m = _array_module(corners[0][0])
     one, other = ([axis[k] - axis[0] for axis in corners] for k in (1, 2))
     x, y, z = (one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2] for i in range(3))
@@ -167,17 +166,13 @@ def facing_solid_angles(corners: Any) -> Any:
 
 
 def mean_phasor(corners: Any, wavenumber: Any, aside: Any = 0.0) -> Any:
-    """(facet,) about how long the mean phasor over each is, there and back, by the `wavenumber` [rad/m] of all or of
-    each (facet,), where the phase turns by so much [rad] less, `aside` (facet,).
-
-    With phases a < b < c at the corners that is 2 / (c - a) times the difference of two phasors, of the lengths
-    sinc((b - a) / 2) and sinc((c - b) / 2) (:mod:`rfgen_sionna.tracing.integral.simplex`): an edge that lies across the
-    wave's way returns more than a corner does.
-    """
+    """(facet,) estimated two-way mean phasor's magnitude, with phases [rad] less by `aside` (facet,). With phases a < b
+    < c at the corners it is 2 / (c - a) times the difference of two phasors of lengths sinc((b - a) / 2) and sinc((c -
+    b) / 2) (:mod:`rfgen_sionna.tracing.integral.simplex`): an edge across the wave returns more than a corner."""
     m = _array_module(corners[0][0])
     x, y, z = (m.sqrt(each) for each in _squares(corners))
     near, far = m.minimum(m.minimum(x, y), z), m.maximum(m.maximum(x, y), z)
-    # Half the phases, as the way is there and back.
+    # Half the phases of the two-way path.
     total, first = wavenumber * (far - near), wavenumber * (x + y + z - 2.0 * near - far)
     second = total - first
     if not isinstance(aside, float) or aside:
@@ -187,13 +182,13 @@ def mean_phasor(corners: Any, wavenumber: Any, aside: Any = 0.0) -> Any:
 
 
 def _squares(corners: Any) -> list[Any]:
-    """Squares of the distances of the three corners."""
+    """Squared distances of the three corners."""
     x, y, z = corners
     return [x[k] * x[k] + y[k] * y[k] + z[k] * z[k] for k in range(3)]
 
 
 def _array_module(values: FloatArray | Any) -> ModuleType:
-    """What has `sqrt`, `minimum` and `maximum` of such numbers."""
+    """Module with `sqrt`, `minimum` and `maximum` for the array type."""
     if isinstance(values, np.ndarray):
         return np
     import drjit

@@ -1,4 +1,4 @@
-"""Facets of several surfaces, stacked into arrays."""
+"""Facets of several surfaces, in arrays."""
 
 from __future__ import annotations
 
@@ -20,10 +20,9 @@ from rfgen_sionna.tracing.surface.surfaces import Surface
 from rfgen_sionna.tracing.surface.tessellate import Tessellation
 
 CANCELLED = 0.01
-"""A coherent return weaker than this share of its strongest facet's counts as cancelled: no tolerance is relative
-to it."""
+"""Share of the strongest facet's return below which a coherent return counts as cancelled and is no reference level."""
 RATE_STEP = 0.5e-3
-"""Half the stretch over which an instant's rates are differenced [s]: errs by jerk x step^2 / 6, below 0.1 mm/s."""
+"""Half the time step [s] of differences for delay rates: error jerk x step^2 / 6, below 0.1 mm/s."""
 
 _COLUMNS = ("number", "face", "surface", "facing", "parts", "place")
 _OPTIONAL_COLUMNS = ("curved", "pattern_gradient", "gradient_origin", "grain", "outward")
@@ -31,10 +30,10 @@ _OPTIONAL_COLUMNS = ("curved", "pattern_gradient", "gradient_origin", "grain", "
 
 @dataclass(frozen=True)
 class Facets:
-    """Pieces of surfaces at one instant: flat ones, and how they are bent."""
+    """Pieces of surfaces at one time: flat triangles and their quadratic patches."""
 
     corners: FloatArray
-    """(facet, 3, 3) [m], world; of the flat piece, which is what rays meet."""
+    """(facet, 3, 3) corners of the flat triangles [m], world; rays meet these."""
     number: IntArray
     """(facet,) face among all faces of the ray scene."""
     face: IntArray
@@ -42,48 +41,45 @@ class Facets:
     surface: IntArray
     """(facet,) position in the list of surfaces."""
     facing: NDArray[np.bool_]
-    """(facet,) False where a closed surface looks away from the viewpoint."""
+    """(facet,) whether it can be visible; False where a closed surface faces away."""
     parts: IntArray
-    """(facet,) number of parts that the integral divides each edge into."""
+    """(facet,) parts per edge of the integral."""
     place: IntArray
-    """(facet,) number that tells the facets of a face apart, or its grains where it has any, the same for as long as
-    they stay the same."""
+    """(facet,) persistent number of the facet, or of its grain, within the face."""
     patch: QuadraticPatch | None = field(default=None, kw_only=True)
-    """How the facets are bent; None where all are flat."""
+    """Quadratic patches; None means flat facets."""
     curved: NDArray[np.bool_] | None = field(default=None, kw_only=True)
-    """(facet,) which facets are bent; None where none is."""
+    """(facet,) whether a facet is bent; None means no facet."""
     pattern_gradient: FloatArray | None = field(default=None, kw_only=True)
-    """(facet, 3) by how much the antennas' two-way gain rises per metre, relative to that towards the point that a path
-    goes by; None where it is the same all over each facet, or taken for it."""
+    """(facet, 3) gradient of the two-way pattern gain's logarithm [1/m]; None means constant gain per facet."""
     gradient_origin: FloatArray | None = field(default=None, kw_only=True)
-    """(facet, 3) that point [m]; None: the centroids."""
+    """(facet, 3) points [m] of the gain that `pattern_gradient` refers to; None means the centroids."""
     return_estimate: FloatArray | None = field(default=None, kw_only=True)
-    """(facet,) about what each returns, by :func:`rfgen_sionna.tracing.surface.facet_positions.estimate_returns`;
-    None where nobody
-    told."""
+    """(facet,) estimated return (:func:`~rfgen_sionna.tracing.surface.facet_positions.estimate_returns`); None if
+    unknown."""
     return_bound: FloatArray | None = field(default=None, kw_only=True)
-    """(facet,) the same of what each may return, bent as it is."""
+    """(facet,) bound of the return of the bent facet."""
     turn: FloatArray | None = field(default=None, kw_only=True)
-    """(facet,) by how much normals lean from the flat facet's at some corner, as a chord; None where nobody told."""
+    """(facet,) largest chord between unit normals of a corner and of the flat facet; None if unknown."""
     grain: FloatArray | None = field(default=None, kw_only=True)
-    """(facet, 4) of what scatters as one: :attr:`rfgen_sionna.tracing.surface.tessellate.Tessellation.shares`; None
-    where each facet does so by itself."""
+    """(facet, 4) as :attr:`rfgen_sionna.tracing.surface.tessellate.Tessellation.shares`; None makes each
+    facet a grain."""
 
     outward: NDArray[np.bool_] | None = field(default=None, kw_only=True)
-    """(facet,) which of those that look away return what of them does not, bent as they are
-    (:mod:`rfgen_sionna.tracing.shadows.terminator`); None where none does."""
+    """(facet,) bent facets whose flat triangle faces away while parts of them are visible
+    (:mod:`rfgen_sionna.tracing.shadows.terminator`); None means none."""
 
     def __len__(self) -> int:
         return len(self.number)
 
     def take(self, index: NDArray[np.intp]) -> Facets:
-        """The facets that `index` counts out; not a mask."""
+        """Facets `index` (no mask)."""
         return Facets.taken([self], index)[0]
 
     @staticmethod
     def taken(every: Sequence[Facets], index: NDArray[np.intp]) -> list[Facets]:
-        """:meth:`take` of the same facets at several times: an array that stays the same object from one time to the
-        next does so then. How :attr:`return_estimate` they are is left out."""
+        """:meth:`take` of the same facets at several times, without :attr:`return_estimate`; arrays shared between
+        times stay shared."""
         shared: dict[str, tuple[NDArray[Any], NDArray[Any]]] = {}
 
         def some(each: Facets, name: str) -> Any:
@@ -98,57 +94,51 @@ class Facets:
         for each in every:
             columns = {name: some(each, name) for name in ("corners", *_COLUMNS, *_OPTIONAL_COLUMNS)}
             found = Facets(patch=None if each.patch is None else each.patch.take(index), **columns)
-            if "centroids" in each.__dict__:  # they are known
+            if "centroids" in each.__dict__:
                 found.__dict__["centroids"] = some(each, "centroids")
             taken.append(found)
         return taken
 
     def with_pattern_gradient(self, pattern_gradient: FloatArray | None) -> Facets:
-        """The same facets with this :attr:`pattern_gradient`, by way of their centroids."""
+        """Copy with this :attr:`pattern_gradient` about the centroids."""
         return self._with(pattern_gradient=pattern_gradient, gradient_origin=None)
 
     def with_patch(self, patch: QuadraticPatch) -> Facets:
-        """The same facets with this :attr:`patch`."""
+        """Copy with this :attr:`patch`."""
         return self._with(patch=patch)
 
     def with_outward(self, outward: NDArray[np.bool_]) -> Facets:
-        """The same facets, of which these are :attr:`outward`."""
+        """Copy with this :attr:`outward`."""
         return self._with(outward=outward)
 
     def _with(self, **changed: Any) -> Facets:
         found = replace(self, **changed)
-        if "centroids" in self.__dict__:  # they are known
+        if "centroids" in self.__dict__:
             found.__dict__["centroids"] = self.centroids
         return found
 
     def finer(self) -> tuple[Facets, NDArray[np.intp]]:
-        """The same surface in facets half as wide where it is bent, and in twice as many parts where it is flat; and
-        which facet each of them is of. They are not :meth:`with_pattern_gradient`."""
+        """Facets of half the width where bent, of twice the parts where flat, and the index (finer facet,) of the
+        original. They have no :attr:`pattern_gradient`."""
         split = np.zeros(len(self), np.bool_) if self.curved is None else self.curved
-        flat, with_patches = np.flatnonzero(~split), np.flatnonzero(split)
-        index = np.concatenate([flat, np.repeat(with_patches, len(QUARTERS))])
+        flat, bent = np.flatnonzero(~split), np.flatnonzero(split)
+        index = np.concatenate([flat, np.repeat(bent, len(QUARTERS))])
         count = len(flat)
-        found = replace(
-            self,
-            corners=np.zeros((len(self), 0, 3)),
-            patch=None,
-            pattern_gradient=None,
-            gradient_origin=None,
-            grain=None,
-        ).take(index)
+        none = dict.fromkeys(("patch", "pattern_gradient", "gradient_origin", "grain"))
+        found = replace(self, corners=np.zeros((len(self), 0, 3)), **none).take(index)
         corners = np.empty((len(index), 3, 3))
         np.take(self.corners, flat, axis=0, out=corners[:count])
         found.parts[:count] *= 2
         patch = None
         if self.patch is not None:
-            own = self.patch.take(with_patches).divided(QUARTERS)
-            corners[count:] = split_values(QUARTERS, np.take(self.corners, with_patches, axis=0))
+            own = self.patch.take(bent).divided(QUARTERS)
+            corners[count:] = split_values(QUARTERS, np.take(self.corners, bent, axis=0))
             patch = own if not count else own.after(count)
         return replace(found, corners=corners, patch=patch), index
 
     @staticmethod
     def joined(parts: Sequence[Facets]) -> Facets:
-        """One after the other, of the same surfaces."""
+        """Facets of the same surfaces, one after the other."""
         if len(parts) == 1:
             return parts[0]
         patches = [each.patch for each in parts if each.patch is not None]
@@ -162,57 +152,46 @@ class Facets:
             grain=_filled(parts, "grain", lambda each: _own_grains(len(each))),
             outward=_filled(parts, "outward", lambda each: np.zeros(len(each), np.bool_)),
         )
-        if all("centroids" in each.__dict__ for each in parts):  # they are known
+        if all("centroids" in each.__dict__ for each in parts):
             found.__dict__["centroids"] = np.concatenate([each.centroids for each in parts])
         return found
 
     def at(self, corners: FloatArray, patch: QuadraticPatch | None) -> Facets:
-        """The same facets at several times, one time's after the other's, with their `corners` (time, facet, 3, 3) [m]
-        and `patch` there."""
+        """Facets at several times, time by time, with their `corners` (time, facet, 3, 3) [m] and `patch` there."""
         index = np.tile(np.arange(len(self)), len(corners))
         return replace(self.take(index), corners=corners.reshape(-1, 3, 3), patch=patch)
 
     def cut(self, owner: NDArray[np.intp], weights: FloatArray) -> Facets:
-        """Pieces with corners at barycentric coordinates `weights` (piece, 3, 3) of the facets that `owner` (piece,)
-        counts out; integrated in so many parts that theirs are as small as the facets' are. Their paths go by the
-        facets' points."""
+        """Pieces at barycentric coordinates `weights` (piece, 3, 3) of the facets `owner` (piece,), with parts of at
+        most the same width. Their pattern gain refers to the facets' points."""
         corners, patch, width = split_facets(self.corners, self.patch, owner, weights)
         found = replace(self, corners=np.zeros((len(self), 0, 3)), patch=None, grain=None).take(owner)
         parts = np.ceil(found.parts * width - 1e-9).astype(np.int32)
         place = _piece_keys(found.place, weights)
-        gradient_origin = None
-        if self.pattern_gradient is not None:
-            gradient_origin = (
-                np.take(self.centroids, owner, axis=0) if found.gradient_origin is None else found.gradient_origin
-            )
-        return replace(
-            found,
-            corners=corners,
-            patch=patch,
-            parts=np.maximum(parts, 1),
-            place=place,
-            gradient_origin=gradient_origin,
-        )
+        gradient_origin = found.gradient_origin
+        if self.pattern_gradient is not None and gradient_origin is None:
+            gradient_origin = np.take(self.centroids, owner, axis=0)
+        changed = {"parts": np.maximum(parts, 1), "place": place, "gradient_origin": gradient_origin}
+        return replace(found, corners=corners, patch=patch, **changed)
 
     @cached_property
     def centroids(self) -> FloatArray:
-        """(facet, 3) the points that delays go by [m]"""
+        """(facet, 3) reference points of the delays [m]"""
         return triangle_centroids(self.corners)
 
     def directions(self, viewpoint: FloatArray, chosen: NDArray[np.intp] | slice = slice(None)) -> FloatArray:
-        """(facet, 3) unit vectors from the viewpoint to the centroids, of the facets that `chosen` counts out."""
+        """(facet, 3) unit vectors from the viewpoint (3,) [m] to the centroids of the `chosen` facets."""
         offset = self.centroids[chosen] - viewpoint
         return np.asarray(offset / np.maximum(lengths(offset), 1e-12)[:, None], dtype=np.float64)
 
 
 def sum_by_surface(values: ComplexArray, index: IntArray, count: int) -> ComplexArray:
-    """(probe, count) sums over the facets of each surface, of `values` (probe, facet)."""
+    """(probe, count) sums of `values` (probe, facet) by the facets' `index` (facet,)."""
     return np.stack([np.bincount(index, row.real, count) + 1j * np.bincount(index, row.imag, count) for row in values])
 
 
 def curvature(facets: Facets) -> FloatArray:
-    """(facet,) about how much facets are curved at most [1/m]: an edge of length L whose middle rises by h is an arc of
-    curvature 8 h / L^2."""
+    """(facet,) estimate of the largest curvature [1/m]: 8 h / L^2 for an edge of length L and sagitta h."""
     if facets.patch is None:
         return np.zeros(len(facets))
     edges = facets.corners[:, [1, 2, 0]] - facets.corners[:, [2, 0, 1]]
@@ -221,12 +200,12 @@ def curvature(facets: Facets) -> FloatArray:
 
 
 def _own_grains(count: int) -> FloatArray:
-    """:attr:`Facets.grain` of so many facets that scatter each by itself."""
+    """:attr:`Facets.grain` of `count` facets that are grains."""
     return np.tile([1.0, 1 / 3, 1 / 3, 1 / 3], (count, 1))
 
 
 def _filled(parts: Sequence[Facets], name: str, otherwise: Callable[[Facets], NDArray[Any]]) -> Any:
-    """One after the other, `otherwise` where there is none of this name; None where there is none at all."""
+    """Arrays `name` of the `parts` in turn, with `otherwise` for missing ones; None if all are missing."""
     own = [getattr(each, name) for each in parts]
     if all(each is None for each in own):
         return None
@@ -244,11 +223,10 @@ def stack_facets(
     parts_of: Sequence[IntArray] | None = None,
     turns: Sequence[FloatArray] | None = None,
 ) -> list[Facets]:
-    """All pieces of all surfaces, in their order, at every time, for the vertices [m] given, left flat:
-    :func:`with_patches`
-    smooth them. They are integrated in `parts_of` (facet,) each surface; None: as many as they are made for. How loud
-    they are is that at a `wavenumber` [rad/m], by the `turns` (face,) of each surface
-    (:meth:`rfgen_sionna.tracing.surface.smoothing.Smoothing.turn`); None: as if they were flat."""
+    """Flat facets of all surfaces, in their order, at every time, for `vertices` (time, surface) of (vertex, 3) [m].
+    :func:`with_patches` bends them. `parts_of` (surface) of (facet,) are parts per edge; None means those of the
+    tessellations. `turns` (surface) of (face,) from :meth:`rfgen_sionna.tracing.surface.smoothing.Smoothing.turn` bound
+    the returns at a `wavenumber` [rad/m]; None means flat surfaces."""
     curved = any(surface.smooth is not None for surface in surfaces)
     number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
     smooth, placed = [np.zeros(0, np.bool_)], list[PlacedFacets]()
@@ -257,8 +235,8 @@ def stack_facets(
     for position, (surface, piece) in enumerate(zip(surfaces, tessellations, strict=True)):
         count = len(piece.face)
         points = [there[position] for there in vertices]
-        edge_curvature = turns[position] if turns is not None and surface.smooth is not None else None
-        placed.append(place_facets(piece, surface.faces, points, viewpoint, wavenumber, edge_curvature))
+        turn = turns[position] if turns is not None and surface.smooth is not None else None
+        placed.append(place_facets(piece, surface.faces, points, viewpoint, wavenumber, turn))
         smooth.append(np.full(count, surface.smooth is not None))
         number.append(piece.face + np.int32(surface.first_facet))
         face.append(piece.face)
@@ -295,8 +273,8 @@ def with_patches(
     vertices: Sequence[Sequence[FloatArray]],
     chosen: NDArray[np.intp] | None = None,
 ) -> list[Facets]:
-    """The same `facets` at several times, bent as the surfaces are that they are all of, which have their `vertices`
-    (vertex, 3) [m] then; others than those that `chosen` counts out, ascending, may be left flat."""
+    """The same `facets` of all surfaces at several times, bent, for `vertices` (time, surface) of (vertex, 3) [m]. Only
+    the facets `chosen`, ascending, need patches; None means all."""
     if facets[0].curved is None:
         return list(facets)
     patches, first = [], 0
@@ -310,7 +288,7 @@ def with_patches(
 
 
 def _stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """One after the other, of which the first is empty; without copying where there is but one more."""
+    """Arrays one after the other, of which the first is empty; no copy of a single one."""
     return parts[1] if len(parts) == 2 else np.concatenate(parts)
 
 
@@ -321,13 +299,9 @@ def over_time(
     delays: Callable[[float], FloatArray],
     rates: Callable[[float], FloatArray] | None = None,
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
-    """Gain coefficients (order, tx, rx, facet, time), delays and their rates (tx, rx, facet, time) at the knots.
-
-    `gains` (order, tx, rx, facet, instant) are those at the `sample_times` [s], `delays` gives them (tx, rx, facet) at
-    a
-    time; it is called for every knot. `rates` gives those of a single knot, if they are known: else delays just before
-    and after it tell.
-    """
+    """Gain coefficients (order, tx, rx, facet, time), delays [s] and their rates [s/s] (tx, rx, facet, time) at the
+    `knots` [s]. `gains` (order, tx, rx, facet, sample) are those at `sample_times` [s], `delays` (time) and `rates`
+    (time) are functions to (tx, rx, facet). A single knot takes `rates`; None differences the delays."""
     coefficients = gains
     if len(knots) > len(sample_times):
         coefficients = interpolate_knots(knot_weights(sample_times, knots), coefficients)
@@ -354,10 +328,9 @@ def facet_paths(
     arrival: FloatArray | None = None,
     bounces: int = 1,
 ) -> RadarPaths:
-    """Paths from (order, tx, rx, facet, time) gain coefficients; `names` are those of objects and parts.
-
-    Paths of several `bounces` have an `arrival` of their own; else it is None, the `direction`.
-    """
+    """Paths from gain coefficients (order, tx, rx, facet, time), delays `tau` [s] and `tau_rate` [s/s] (tx, rx, facet,
+    time). `direction` and `arrival` are unit vectors at the radar; an `arrival` of None means `direction`. `names` are
+    those of objects and parts."""
     objects = np.array([surface.object_id for surface in surfaces], dtype=np.int32)
     parts = np.zeros(len(facets), dtype=np.int32)
     for position, surface in enumerate(surfaces):
@@ -384,16 +357,16 @@ def facet_paths(
 
 
 def _piece_keys(place: IntArray, weights: FloatArray) -> IntArray:
-    """(piece,) numbers by which pieces of facets of the numbers `place` (piece,) draw phases of their own, with corners
-    at barycentric coordinates `weights` (piece, 3, 3): mixed, as sums of a few would fall together."""
+    """(piece,) persistent numbers of pieces at barycentric coordinates `weights` (piece, 3, 3) of facets numbered
+    `place` (piece,)."""
     middle = np.rint((weights[:, 0, :2] + weights[:, 1, :2] + weights[:, 2, :2]) * (2**15 / 3)).astype(np.uint64)
     z = place.astype(np.uint32).astype(np.uint64) << np.uint64(32) | middle[:, 0] << np.uint64(16) | middle[:, 1]
     return np.asarray((mix_bits(z) >> np.uint64(32)).astype(np.uint32).view(np.int32))
 
 
 def mix_bits(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Numbers of which every bit depends on all bits of each `key`: the finaliser of SplitMix64 (G. L. Steele, D. Lea
-    and C. H. Flood, Fast splittable pseudorandom number generators, OOPSLA 2014)."""
+    """Numbers of which every bit depends on all bits of `key`: the finaliser of SplitMix64 (G. L. Steele, D. Lea and C.
+    H. Flood, Fast splittable pseudorandom number generators, OOPSLA 2014)."""
     with np.errstate(over="ignore"):
         z = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

@@ -1,7 +1,7 @@
-"""How facets are bent: quadratic displacements from their flat triangles, and pieces of them.
+"""Quadratic patches: displacements of facets from their flat triangles, and pieces of them.
 
-The edge between two vertices with normals rises in its middle by a circle's sagitta, and a facet by the quadratic that
-its three edges fix (:mod:`rfgen_sionna.tracing.surface.smoothing` has the normals).
+The middle of an edge between two vertex normals (:mod:`rfgen_sionna.tracing.surface.smoothing`) is displaced by a
+circle's sagitta, a facet by the quadratic of its three edges.
 """
 
 from __future__ import annotations
@@ -25,37 +25,36 @@ QUARTERS = 0.5 * np.array(
         [[0, 1, 1], [1, 0, 1], [1, 1, 0]],
     ]
 )
-"""(quarter, corner, vertex) of a facet divided at the middles of its edges."""
+"""(quarter, corner, vertex) barycentric coordinates of a facet divided at the middles of its edges."""
 
 
 def edge_sagittas(corners: FloatArray, normals: FloatArray) -> FloatArray:
-    """(face, 3, 3) by how much the middle of the edge opposite each corner lies off its chord [m], for corners and unit
-    normals (face, 3, 3)."""
+    """(face, 3, 3) displacement of the middle of the edge opposite each corner [m], for `corners` [m] and unit
+    `normals` (face, 3, 3)."""
     sagittas = np.empty_like(corners)
     for edge in range(3):
         first, last = (edge + 1) % 3, (edge + 2) % 3
         chord, turn = corners[:, last] - corners[:, first], normals[:, last] - normals[:, first]
         mean = normals[:, last] + normals[:, first]
         length = np.maximum(lengths(mean), 1e-9)
-        # A circle's sagitta, exactly: turn . chord / 8 over cos^2 of a quarter of the angle between the normals.
-        edge_curvature = np.einsum("fi,fi->f", turn, chord) / (2.0 * length * (2.0 + length))
-        sagittas[:, edge] = edge_curvature[:, None] * mean
+        # Exact sagitta of a circle: turn . chord / 8 over cos^2 of a quarter of the angle between the normals.
+        rise = np.einsum("fi,fi->f", turn, chord) / (2.0 * length * (2.0 + length))
+        sagittas[:, edge] = rise[:, None] * mean
     return sagittas
 
 
 @dataclass(frozen=True)
 class QuadraticPatch:
-    """By how much facets leave their flat triangles: a quadratic displacement, that of their face, fixed by the corners
-    and the middles of the edges. Pieces of a facet inherit it exactly, so that however finely a face is split, the
-    surface stays the same."""
+    """Quadratic displacement of facets, by their corners and the middles of their edges. Pieces of a facet inherit it
+    exactly: the surface does not depend on the division."""
 
     sagittas: FloatArray
-    """(facet, 3, 3) of the middle of the edge opposite each corner, beyond the mean of its ends [m]."""
+    """(facet, 3, 3) displacement of the middle of the edge opposite each corner, over the mean of its ends [m]."""
     corner_offsets: FloatArray | None = None
-    """(facet, 3, 3) of the corners [m]; None where there is none, as all facets are whole faces."""
+    """(facet, 3, 3) displacement of the corners [m]; None means zero, as for whole faces."""
 
     def take(self, index: IntArray | NDArray[np.intp] | slice) -> QuadraticPatch:
-        """Of the facets that `index` counts out; not a mask."""
+        """Patches of the facets `index` (no mask)."""
         if isinstance(index, slice):
             return QuadraticPatch(
                 self.sagittas[index], None if self.corner_offsets is None else self.corner_offsets[index]
@@ -64,7 +63,8 @@ class QuadraticPatch:
         return QuadraticPatch(np.take(self.sagittas, index, axis=0), corner_offsets)
 
     def within(self, weights: FloatArray) -> QuadraticPatch:
-        """Of one piece of each facet, its corners at barycentric coordinates `weights` (facet, corner, vertex)."""
+        """Patch of one piece of each facet, with corners at barycentric coordinates `weights` (facet,
+        corner, vertex)."""
         along = weights[:, [2, 0, 1]] - weights[:, [1, 2, 0]]  # of the edge opposite each corner
         corner_offsets = 4.0 * _products(weights) @ self.sagittas
         if self.corner_offsets is not None:
@@ -72,8 +72,8 @@ class QuadraticPatch:
         return QuadraticPatch(-_products(along) @ self.sagittas, corner_offsets)
 
     def divided(self, weights: FloatArray) -> QuadraticPatch:
-        """Of the same pieces of every facet, one facet's after the other's: their corners are at barycentric
-        coordinates `weights` (piece, corner, vertex)."""
+        """Patches of the same pieces of every facet, facet by facet, at barycentric coordinates `weights` (piece,
+        corner, vertex)."""
         along = weights[:, [2, 0, 1]] - weights[:, [1, 2, 0]]
         corner_offsets = split_values(4.0 * _products(weights), self.sagittas)
         if self.corner_offsets is not None:
@@ -81,8 +81,8 @@ class QuadraticPatch:
         return QuadraticPatch(split_values(-_products(along), self.sagittas), corner_offsets)
 
     def turned(self, weights: FloatArray, steps: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(facet, step, 3) how the displacement changes at barycentric `weights` (facet, vertex) along each of `steps`
-        (facet, step, vertex) that add up to 0, and by how much more with their square."""
+        """(facet, step, 3) linear and quadratic change of the displacement at `weights` (facet, vertex) along each of
+        `steps` (facet, step, vertex), barycentric coordinates that sum to 0."""
         here = weights[:, None]
         more = 4.0 * _products(steps)
         slope = (4.0 * (_products(here + steps) - _products(here)) - more) @ self.sagittas
@@ -92,8 +92,7 @@ class QuadraticPatch:
 
     @staticmethod
     def blended(parts: Sequence[QuadraticPatch], weights: FloatArray) -> QuadraticPatch | None:
-        """Of the same facets at other times, one time's after the other's: sums of the `parts` with `weights` (time,
-        part); None of none."""
+        """Weighted sums of `parts` by `weights` (time, part), time by time; None without parts."""
         if not parts:
             return None
         corner_offsets = [each.corner_offsets for each in parts if each.corner_offsets is not None]
@@ -103,7 +102,7 @@ class QuadraticPatch:
         )
 
     def after(self, count: int) -> QuadraticPatch:
-        """The same after so many facets that are flat."""
+        """These patches after `count` flat facets."""
         sagittas = np.zeros((count + len(self.sagittas), 3, 3))
         sagittas[count:] = self.sagittas
         if self.corner_offsets is None:
@@ -114,7 +113,7 @@ class QuadraticPatch:
 
     @staticmethod
     def stack(parts: Sequence[QuadraticPatch]) -> QuadraticPatch:
-        """One after the other."""
+        """Patches one after the other."""
         corner_offsets = [
             np.zeros_like(each.sagittas) if each.corner_offsets is None else each.corner_offsets for each in parts
         ]
@@ -128,12 +127,9 @@ class QuadraticPatch:
 def split_facets(
     corners: FloatArray, patch: QuadraticPatch | None, owner: NDArray[np.intp], weights: FloatArray
 ) -> tuple[FloatArray, QuadraticPatch | None, FloatArray]:
-    """Pieces of facets with `corners` (facet, 3, 3) [m] and their `patch`: those that `owner` (piece,) counts out, the
-    corners of each at barycentric coordinates `weights` (piece, corner, vertex) of its facet.
-
-    Returns corners (piece, 3, 3) [m] and bend, and how wide each piece is against its facet (piece,), by the longest
-    edges. By Dr.Jit, as of facets in half shadow there are thousands of pieces at every instant.
-    """
+    """Pieces of facets with `corners` (facet, 3, 3) [m] and `patch`, at barycentric coordinates `weights` (piece,
+    corner, vertex) of the facets `owner` (piece,). Returns corners (piece, 3, 3) [m], the pieces' patch, and their
+    longest edge over that of the facet (piece,). Dr.Jit handles thousands of pieces per sample time."""
     count = len(owner)
     if not count:
         none = np.zeros((0, 3, 3))
@@ -149,7 +145,7 @@ def split_facets(
     def sums(terms: list[Any], of: list[Any]) -> Any:
         return terms[0] * of[0] + terms[1] * of[1] + terms[2] * of[2]
 
-    def products(w: list[Any]) -> list[Any]:  # of each two of three
+    def products(w: list[Any]) -> list[Any]:
         return [w[1] * w[2], w[2] * w[0], w[0] * w[1]]
 
     def longest(p: list[Any]) -> Any:
@@ -182,13 +178,13 @@ def split_facets(
 
 
 def split_values(weights: FloatArray, values: FloatArray) -> FloatArray:
-    """(facet piece, 3, 3) of the same pieces of every facet, `weights` (piece, corner, vertex) of its `values` (facet,
-    vertex, 3)."""
+    """(facet x piece, 3, 3) values of the same pieces of every facet: `weights` (piece, corner, vertex) of its `values`
+    (facet, vertex, 3)."""
     return np.asarray((weights.reshape(-1, 3) @ values).reshape(-1, 3, 3))
 
 
 def _products(weights: FloatArray) -> FloatArray:
-    """(..., 3) of each two of three weights (..., 3), those of the corners opposite each."""
+    """(..., 3) products of the two other weights of each of three (..., 3)."""
     x, y, z = weights[..., 0], weights[..., 1], weights[..., 2]
     found = np.empty_like(weights)
     found[..., 0], found[..., 1], found[..., 2] = y * z, z * x, x * y
@@ -196,8 +192,8 @@ def _products(weights: FloatArray) -> FloatArray:
 
 
 def barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """(facet, point, corner) coordinates of `points` (facet, point, 3) [m] in the planes of facets with `corners`
-    (facet, 3, 3) [m]; those of facets without area are at their first corner."""
+    """(facet, point, corner) barycentric coordinates of `points` (facet, point, 3) [m] in facets with `corners` (facet,
+    3, 3) [m]. Points of a facet without area are at its first corner."""
     edges = corners[:, 1:] - corners[:, :1]
     offset = points - corners[:, :1]
     gram = np.einsum("pei,pfi->pef", edges, edges)

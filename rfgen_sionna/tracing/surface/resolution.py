@@ -1,4 +1,4 @@
-"""How small facets have to be, and in how many parts they are integrated."""
+"""Largest allowed facets, and the number of parts of their integrals."""
 
 from __future__ import annotations
 
@@ -13,48 +13,44 @@ from rfgen_sionna.scene.mesh import lengths, max_component, triangle_centroids, 
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 
 MAX_BULGE = 1.0
-"""Phase bulge [rad] up to which an expansion to first order means anything."""
+"""Largest phase bulge [rad] for which an expansion to first order holds."""
 FACET_BULGE = 0.5
-"""Phase bulge [rad] that a facet may have: those that need a smaller one are integrated in parts."""
+"""Largest phase bulge [rad] of a facet; smaller ones are integrals in parts."""
 STATIC_BULGE = 1.0
-"""The same of what stays: nothing turns, and what shadows cut of facets is known whatever their size."""
-PATTERN, STATIC_PATTERN = 0.5, 0.2
-"""By how much, per unit of the tolerance, what the antennas make of a facet's points may differ from what its
-middle and the rise there tell of them, relative to the largest: parts don't mend that, and facets alike repeat it. The
-second is of what stays, smooth or not; the facets of bodies don't repeat it."""
-_FINEST = 1e-4
-"""Tolerance below which no facets are split for that: it goes with the square of their size, and what is made finer for
-its phase takes parts."""
-_LEAST_BULGE = 0.003
-"""Phase bulge [rad] below which facets are not split for that either: patterns may have steps."""
-_NONE = 1e-6
-"""Gain that counts as none, relative to the largest."""
+"""The same for static facets: shadows on them are exact at any size."""
+PATTERN_CHANGE, STATIC_PATTERN_CHANGE = 0.5, 0.2
+"""Largest error per tolerance of a pattern gain that is taken for exponential over a facet; the second is for static
+facets, whose errors repeat."""
+_MIN_TOLERANCE = 1e-4
+"""Tolerance below which the pattern splits no facets: its error goes with the square of their size."""
+_MIN_BULGE = 0.003
+"""Phase bulge [rad] below which the pattern splits no facets: patterns may have steps."""
+_MIN_GAIN = 1e-6
+"""Least pattern gain relative to the peak, -60 dB."""
 BAND_SWING = 4.0
-"""Phase [rad] by which the band's ends turn the corners of a facet against each other, seen from its centre: it is then
-two or three range cells deep at most, and a few coefficients follow its gain over the band."""
-CURVED = 2.0
-"""How much higher, as a phase, a smooth surface may rise over a part than a flat one's phase may bulge: it rises once,
-where facets of a plate repeat their bulge."""
-CUBIC = 0.03
-"""Share of k L^3 / R^2 that the cubic phase over a facet of edge L comes to beside a quadratic one."""
+"""Phase [rad] between a facet's corners from the middle to the end of the band: two or three range cells, which few
+coefficients over the band follow."""
+MAX_HEIGHT = 2.0
+"""Height of a smooth surface over a part, as a phase, over the allowed bulge: it does not repeat as a plate's bulge
+does."""
+CUBIC_PHASE = 0.03
+"""Cubic phase over a facet of edge L at range R, in k L^3 / R^2."""
 SAGITTA_ERROR = 0.02
-"""Share of k h L / R that the rest comes to where a facet of edge L bows by h, aslant."""
+"""Phase error of a facet of edge L and sagitta h at oblique incidence, in k h L / R."""
 MAX_TERMINATOR_TURN = 2.0
-"""Angle [rad] by which a smooth surface may turn over a facet in which it turns out of sight, per root of the phase
-bulge allowed: its return ends there with a kink, that goes with the angle's square."""
+"""Turn [rad] of a smooth facet at the terminator per root of the allowed bulge: its return ends with a kink, of order
+turn^2."""
 MAX_PARTS = 8
-"""Largest number of parts to an edge."""
+"""Largest number of parts per edge."""
 
 
 def phase_bulge(corners: FloatArray, viewpoint: FloatArray, frequency: float) -> FloatArray:
-    """(facet,) two-way phase [rad] by which the mean over the corners exceeds that at the centroid.
-
-    It measures the quadratic phase on a facet: about k L^2 / (4 R) for an edge L at range R.
-    """
+    """(facet,) two-way phase [rad] of the mean over the corners less that at the centroid, about k L^2 / (4 R) for an
+    edge L at range R. `corners` (facet, 3, 3) and `viewpoint` (3,) in m, `frequency` in Hz."""
     from_view = corners - viewpoint
     offset = corners - triangle_centroids(corners)[:, None]
     centre = triangle_centroids(from_view)[:, None]
-    # |x| - |y| = (x - y) . (x + y) / (|x| + |y|), exact where a difference of norms cancels.
+    # |x| - |y| = (x - y) . (x + y) / (|x| + |y|), without cancellation.
     sizes = lengths(from_view) + lengths(centre)
     excess = np.einsum("fci,fci->fc", offset, from_view + centre) / np.maximum(sizes, 1e-12)
     return np.asarray(
@@ -63,13 +59,9 @@ def phase_bulge(corners: FloatArray, viewpoint: FloatArray, frequency: float) ->
 
 
 def allowed_bulge(rtol: float) -> float:
-    """Largest phase bulge [rad] that keeps the relative error of a surface's return below `rtol`.
-
-    The facet integral keeps the quadratic phase q to first order and its variance. In each grating lobe that a plate of
-    facets alike adds up to it misses what else is of second order: for a bulge b (:func:`phase_bulge`) as much as that
-    variance, 3 b^2 / 160 on an equilateral triangle, and more on the right triangles that bisection makes. Plates a
-    hundred wavelengths wide err by up to 0.1 b^2, hence b = sqrt(10 rtol).
-    """
+    """Largest phase bulge [rad] for a relative error `rtol` of a surface's return. For a bulge b (:func:`phase_bulge`)
+    the facet integral misses in each grating lobe about the variance of the quadratic phase, 3 b^2 / 160 on an
+    equilateral triangle and more on right ones. A plate errs by up to 0.1 b^2: b = sqrt(10 rtol)."""
     return float(min(np.sqrt(10.0 * rtol), MAX_BULGE))
 
 
@@ -78,45 +70,47 @@ class SmoothPieces:
     """Pieces of a smooth surface."""
 
     height: FloatArray
-    """(facet,) how high it is over each [m]."""
+    """(facet,) height of the surface over the piece [m]."""
     weights: FloatArray
-    """(facet, 3, 3) of each in its face."""
+    """(facet, 3, 3) barycentric coordinates of the piece in its face."""
     sagittas: FloatArray | None
-    """(facet, 3, 3) of its face [m]; None leaves out where it turns out of sight."""
+    """(facet, 3, 3) sagittas of the face [m]; None skips the terminator."""
 
     def ends(self, chosen: NDArray[np.bool_], corners: FloatArray, viewpoint: FloatArray) -> NDArray[np.bool_]:
-        """Whether the `chosen` ones, with flat `corners` (chosen, 3, 3) [m], turn out of sight of the viewpoint."""
+        """(chosen,) whether the terminator crosses the `chosen` facets, with flat `corners` (chosen, 3, 3) [m]."""
         if self.sagittas is None:
             return np.zeros(int(np.count_nonzero(chosen)), np.bool_)
         patch = QuadraticPatch(self.sagittas[chosen]).within(self.weights[chosen])
         places = corners - viewpoint if patch.corner_offsets is None else corners - viewpoint + patch.corner_offsets
         first, second = places[:, 1] - places[:, 0], places[:, 2] - places[:, 0]
         r = 4.0 * patch.sagittas
-        # At each corner: the tangents along its two edges.
         tangents = (
             (first + r[:, 2], second + r[:, 1]),
             (first - r[:, 2], second + r[:, 0] - r[:, 2]),
             (first + r[:, 0] - r[:, 1], second - r[:, 1]),
-        )
-        found = np.stack(
-            [
-                np.einsum("fi,fi->f", np.cross(one, other), places[:, corner])
-                for corner, (one, other) in enumerate(tangents)
-            ]
-        )
+        )  # along the two edges of each corner
+        volumes = (np.einsum("fi,fi->f", np.cross(*each), places[:, k]) for k, each in enumerate(tangents))
+        found = np.stack(list(volumes))
         return np.asarray((np.min(found, axis=0) < 0) & (np.max(found, axis=0) > 0))
 
 
 def log_gain_excess(ends: FloatArray, middle: FloatArray) -> FloatArray:
-    """(facet,) mean logarithm of the antennas' gains at the corners, `ends` (facet, 3), less that in the `middle`
-    (facet,): the integral lets gains change by the same share per metre all over a facet, of which nothing is left in
-    this. Over the facet the mean of what is left, quadratic as it is, is a quarter of it."""
-    return np.asarray(np.log(np.maximum(ends, _NONE)).mean(axis=1) - np.log(np.maximum(middle, _NONE)))
+    """(facet,) mean logarithm of the pattern gains at the corners, `ends` (facet, 3), less that in the `middle`
+    (facet,). It vanishes for an exponential gain, as the integral has it; its mean over the facet is a quarter of
+    it."""
+    return np.asarray(np.log(np.maximum(ends, _MIN_GAIN)).mean(axis=1) - np.log(np.maximum(middle, _MIN_GAIN)))
 
 
 def _gain_excess(ends: FloatArray, middle: FloatArray) -> FloatArray:
-    """(facet,) the same as a gain, relative to the largest."""
-    return np.asarray(np.maximum(middle, _NONE) * np.abs(np.expm1(log_gain_excess(ends, middle))))
+    """(facet,) the same as a gain relative to the peak."""
+    return np.asarray(np.maximum(middle, _MIN_GAIN) * np.abs(np.expm1(log_gain_excess(ends, middle))))
+
+
+def _pattern_gains(
+    corners: FloatArray, viewpoint: FloatArray, pattern_gain: Callable[[FloatArray], FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Pattern gains at the corners (facet, 3) and in the middle (facet,)."""
+    return pattern_gain(unit(corners - viewpoint)), pattern_gain(unit(triangle_centroids(corners) - viewpoint))
 
 
 def needs_finer_facets(
@@ -126,13 +120,11 @@ def needs_finer_facets(
     rtol: float,
     pattern_gain: Callable[[FloatArray], FloatArray],
 ) -> bool:
-    """Whether flat facets with these `corners` (facet, 3, 3) [m] have moved to where the antennas' gain asks for such
-    of a third of the area, which is no matter of distance; the others are arguments of :func:`tessellate`."""
-    left = _gain_excess(
-        pattern_gain(unit(corners - viewpoint)), pattern_gain(unit(triangle_centroids(corners) - viewpoint))
-    )
-    steep = np.flatnonzero(left > 3.0 * PATTERN * max(rtol, _FINEST))
-    return bool((phase_bulge(corners[steep], viewpoint, frequency) > _LEAST_BULGE).any())
+    """Whether the pattern splits flat facets with these `corners` (facet, 3, 3) [m] into thirds of their area. The
+    other arguments are those of :func:`rfgen_sionna.tracing.surface.tessellate.tessellate`."""
+    left = _gain_excess(*_pattern_gains(corners, viewpoint, pattern_gain))
+    steep = np.flatnonzero(left > 3.0 * PATTERN_CHANGE * max(rtol, _MIN_TOLERANCE))
+    return bool((phase_bulge(corners[steep], viewpoint, frequency) > _MIN_BULGE).any())
 
 
 def required_splits(
@@ -145,42 +137,37 @@ def required_splits(
     patch: SmoothPieces | None = None,
     still: bool = False,
 ) -> tuple[NDArray[np.bool_], IntArray, FloatArray]:
-    """(facet,) whether each is too large, the number of parts that its edges are to be divided into if it is flat, and
-    the number, not rounded, for how high the surface is over it.
-
-    `patch` is how they bend, where they are of a smooth surface, and `still` is that it stays.
-    """
+    """(facet,) whether each facet is too large, parts per edge if it is flat, and parts for the surface's height, not
+    rounded. `patch` are the pieces of a smooth surface, None means flat facets; `still` marks static surfaces. The
+    other arguments are those of :func:`rfgen_sionna.tracing.surface.tessellate.tessellate`."""
     allowed = np.full(len(corners), allowed_bulge(rtol))
     bulge = phase_bulge(corners, viewpoint, frequency)
     coarse = np.zeros(len(corners), np.bool_)
     if pattern_gain is not None:
-        # A facet counts as much as its most important corner: large ones reach into the beam.
-        ends, middle = (
-            pattern_gain(unit(corners - viewpoint)),
-            pattern_gain(unit(triangle_centroids(corners) - viewpoint)),
-        )
+        ends, middle = _pattern_gains(corners, viewpoint, pattern_gain)
         weight = np.maximum(max_component(ends), middle)
         if patch is None or still:
-            most = (STATIC_PATTERN if still else PATTERN) * max(rtol, _FINEST)
-            coarse |= (_gain_excess(ends, middle) > most) & (bulge > _LEAST_BULGE)
-        # There are more of them out of the beam than in it, and their errors add up: the root of what they could do.
+            most = (STATIC_PATTERN_CHANGE if still else PATTERN_CHANGE) * max(rtol, _MIN_TOLERANCE)
+            coarse |= (_gain_excess(ends, middle) > most) & (bulge > _MIN_BULGE)
+        # The root of the gain: more facets lie outside the beam, and their errors add up.
         allowed = np.minimum(np.sqrt(10.0 * rtol / np.sqrt(np.maximum(weight, 1e-12))), MAX_BULGE)
     coarse |= bulge > np.clip(STATIC_BULGE if still else FACET_BULGE, allowed, MAX_PARTS**2 * allowed)
     if half_band > 0:
         away = lengths(corners - viewpoint)
-        depth = max_component(away) + max_component(-away)  # half the spread of the paths
+        depth = max_component(away) + max_component(-away)  # half the range of the paths
         coarse |= 2 * np.pi * half_band / SPEED_OF_LIGHT * depth > BAND_SWING
     height = np.zeros(len(corners))
     if patch is not None:
-        height = 4 * np.pi * frequency / SPEED_OF_LIGHT * patch.height / CURVED
+        height = 4 * np.pi * frequency / SPEED_OF_LIGHT * patch.height / MAX_HEIGHT
         coarse |= np.maximum(bulge, height) > MAX_PARTS**2 * allowed
-        # The path length over a curved facet is taken for quadratic; u v^2 / R^2 and h u / R are what comes next.
+        # Orders after the quadratic path: u v^2 / R^2 and h u / R.
         size = max_component(lengths(corners[:, [1, 2, 0]] - corners))
         share = size / np.maximum(lengths(triangle_centroids(corners) - viewpoint), 1e-3)
-        cubic = 2 * np.pi * frequency / SPEED_OF_LIGHT * share * (CUBIC * size * share + SAGITTA_ERROR * patch.height)
+        cubic = (
+            2 * np.pi * frequency / SPEED_OF_LIGHT * share * (CUBIC_PHASE * size * share + SAGITTA_ERROR * patch.height)
+        )
         coarse |= cubic > 0.1 * allowed
-        turns = (
-            6.0 * patch.height > MAX_TERMINATOR_TURN * allowed * size
-        )  # a circle's arc turns by 8 sagittas over its chord
+        # An arc turns by 8 sagittas over its chord.
+        turns = 6.0 * patch.height > MAX_TERMINATOR_TURN * allowed * size
         coarse[turns] |= patch.ends(turns, corners[turns], viewpoint)
     return coarse, np.maximum(np.ceil(np.sqrt(bulge / allowed)), 1.0).astype(np.int32), np.sqrt(height / allowed)

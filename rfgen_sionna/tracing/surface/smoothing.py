@@ -1,13 +1,9 @@
-"""The smooth surface that a mesh samples: normals at the corners of its facets.
+"""Vertex normals of the smooth surface that a mesh samples.
 
-A mesh of a ball, of a body or of a car door stands for something round. Between vertices with normals n_i, n_k an edge
-p_k - p_i rises in its middle by a circle's sagitta, about (n_k - n_i) . (p_k - p_i) / 8, and a facet by the quadratic
-that its three edges fix. Neighbours share edges and normals, so that the surface stays closed. Where faces meet at an
-angle, as those of a box do, each side has normals of its own and stays as it is, and what is flat between bent edges
-stays flat (`rfgen_sionna.scene.faceting`).
-
-That surface alone is what returns: its slope is its own, which where neighbours turn by tens of degrees is not quite
-that of the vertices' normals it was made from.
+Between vertices with normals n_i, n_k the middle of an edge p_k - p_i is displaced by a circle's sagitta, about (n_k -
+n_i) . (p_k - p_i) / 8, and a facet by the quadratic of its three edges. Neighbours share edges and normals, so the
+surface stays closed. At creases each side has its own normals, and plane parts between bent edges stay plane
+(:mod:`rfgen_sionna.scene.plane_parts`). The surface's slope is that of the patches, not of the vertex normals.
 """
 
 from __future__ import annotations
@@ -27,26 +23,24 @@ from rfgen_sionna.scene.kernels import FrozenKernel, concatenate_aligned, drjit_
 from rfgen_sionna.scene.mesh import corner_columns, face_normals, lengths, max_component
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 
-_TIP, _STRAIGHT = 0.02, 10.0
-"""A vertex is a tip where edges are more aslant to its normal, in the mean, and so many times what they are beyond."""
+_MIN_TIP_SLOPE, _MIN_TIP_RATIO = 0.02, 10.0
+"""Mean slope of the edges against the normal at the tip of a cone, and its ratio to that at their other ends."""
 
 
 @dataclass(frozen=True)
 class Smoothing:
-    """Which corners of a mesh's faces share a normal."""
+    """Groups of face corners with a common normal."""
 
     group: IntArray
-    """(face, 3) number of the normal of each corner."""
+    """(face, 3) index of the normal of each corner."""
     gather: csr_array
-    """(normal, 3 face) sums what the corners add to each normal; of some that share it there is nothing to add."""
+    """(normal, 3 face) sum of the corners' contributions to each normal; some corners contribute nothing."""
 
     def normals(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        """(face, 3, 3) unit normals at the corners of each face, for vertices (vertex, 3) [m].
-
-        A face counts by sin / (|a| |b|) of its edges a, b at the corner, which is exact on a sphere (N. Max, Weights
-        for computing vertex normals from facet normals, Journal of Graphics Tools 4(2), 1999).
-        """
-        p = corner_columns(vertices, faces)  # rows are long, which is several times faster
+        """(face, 3, 3) unit normals at the corners of each face, for vertices (vertex, 3) [m]. Weights are sin / (|a|
+        |b|) of the edges a, b at the corner, exact on a sphere (N. Max, Weights for computing vertex normals from facet
+        normals, Journal of Graphics Tools 4(2), 1999)."""
+        p = corner_columns(vertices, faces)
         one, other, third = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], p[:, 2] - p[:, 1]
         cross = np.stack([one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2] for i in range(3)])
         square = [e[0] * e[0] + e[1] * e[1] + e[2] * e[2] for e in (third, other, one)]  # opposite corner
@@ -58,55 +52,49 @@ class Smoothing:
         return np.ascontiguousarray(np.take(total, self.group.T, axis=1).transpose(2, 1, 0))
 
     def turn(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        """(face,) by how much a normal at some corner differs from the flat face's, for vertices (vertex, 3) [m]:
-        length of the difference of unit vectors, about the angle [rad]."""
+        """(face,) largest chord between the unit normals of a corner and of the flat face, for vertices (vertex, 3)
+        [m]."""
         flat = face_normals(vertices, faces)
         flat /= np.maximum(lengths(flat), 1e-300)[:, None]
         return max_component(lengths(self.normals(vertices, faces) - flat[:, None]))
 
-    def patch(
-        self, vertices: FloatArray, faces: IntArray, any_visible: NDArray[np.intp] | None = None
-    ) -> QuadraticPatch:
-        """How the faces are bent, for vertices (vertex, 3) [m]; others than those that `any_visible` counts out are
-        left
-        flat."""
-        return self.patches([vertices], faces, any_visible)[0]
+    def patch(self, vertices: FloatArray, faces: IntArray) -> QuadraticPatch:
+        """Patches of the faces, for vertices (vertex, 3) [m]."""
+        return self.patches([vertices], faces)[0]
 
     def patches(
-        self, vertices: Sequence[FloatArray], faces: IntArray, any_visible: NDArray[np.intp] | None = None
+        self, vertices: Sequence[FloatArray], faces: IntArray, chosen: NDArray[np.intp] | None = None
     ) -> list[QuadraticPatch]:
-        """:meth:`patch` at several times.
-
-        These are the :func:`edge_rises` of :meth:`normals`, by Dr.Jit: of what is reckoned anew at every instant they
-        would take the longest.
-        """
-        count, times, size = len(faces) if any_visible is None else len(any_visible), len(vertices), len(faces)
+        """:meth:`patch` at several times: sagittas
+        (:func:`~rfgen_sionna.tracing.surface.quadratic_patch.edge_sagittas`) by Dr.Jit. Only the faces `chosen` need
+        patches; None means all."""
+        count, times, size = len(faces) if chosen is None else len(chosen), len(vertices), len(faces)
         if not count:
             return [QuadraticPatch(np.zeros((size, 3, 3))) for _ in range(times)]
         dr, types = drjit_types()
         Float, UInt32, normals = types.Float64, types.UInt32, self.gather.shape[0]
         sagittas = dr.zeros(Float, 9 * times * size)
-        dr.make_opaque(sagittas)  # memory that the kernel writes to, and no number that it would know
+        dr.make_opaque(sagittas)
         given = {
             "places": upload(Float, vertices[0] if times == 1 else concatenate_aligned(vertices)),
             "ends": upload(UInt32, faces),
             "members": upload(UInt32, self.gather.indices),
             "starts": upload(UInt32, self.gather.indptr),
             "group": upload(UInt32, self.group),
-            # So many vertices, normals, faces, and faces that are shown there are of each time.
+            # Vertices, normals, faces, and chosen faces of each time.
             "counts": [dr.opaque(UInt32, each) for each in (len(vertices[0]), normals, size, count)],
             "normals": dr.arange(UInt32, times * normals),
             "faces": dr.arange(UInt32, times * count),
             "sagittas": sagittas,
         }
-        if any_visible is not None:
-            given["any_visible"] = upload(UInt32, any_visible)
+        if chosen is not None:
+            given["chosen"] = upload(UInt32, chosen)
         _BENDS(given)
         return [QuadraticPatch(each) for each in sagittas.numpy().reshape(times, size, 3, 3)]
 
 
 def _bend(given: dict[str, Any]) -> None:
-    """The kernel of :meth:`Smoothing.patches`."""
+    """Kernel of :meth:`Smoothing.patches`."""
     dr, types = drjit_types()
     Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
     points, groups, every, count = given["counts"]
@@ -131,11 +119,11 @@ def _bend(given: dict[str, Any]) -> None:
     begun = dr.gather(UInt32, given["starts"], normal), dr.zeros(Array3, dr.width(lane))
     total = dr.while_loop(begun, lambda each, _: each < last, add)[1]
     total /= dr.maximum(dr.norm(total), 1e-300)
-    dr.eval(total)  # axis by axis, as many as there are lanes: in one array they would be as many as when recorded
+    dr.eval(total)  # axis by axis: the size of one array would be frozen
     lane = given["faces"]
     later, face = lane // count, lane % count
-    if "any_visible" in given:
-        face = dr.gather(UInt32, given["any_visible"], face)
+    if "chosen" in given:
+        face = dr.gather(UInt32, given["chosen"], face)
     for edge in range(3):
         (here, first), (there, second) = (
             (
@@ -157,18 +145,14 @@ _BENDS = FrozenKernel(_bend)
 
 
 def find_smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH) -> Smoothing | None:
-    """What of a mesh is smooth: faces that turn by less than `crease` [rad] over a shared edge; None if all is flat.
-
-    Parameters
-    ----------
-    vertices, faces
-        (vertex, 3) [m] and (face, 3); edges that neighbours run through in the same direction separate them.
-    """
+    """Groups of face corners for `vertices` (vertex, 3) [m] and `faces` (face, 3); None for a mesh of plane parts only.
+    Faces with an angle below `crease` [rad] over a shared edge are smooth; neighbours of opposite orientation are
+    separate."""
     start, end = faces.ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel().astype(np.int64)
     size = len(vertices)
     forward = start * size + end
     order = np.argsort(forward)
-    # The edge that runs the other way, where there is just one.
+    # The single edge of opposite direction.
     place = np.searchsorted(forward[order], end * size + start)
     place = np.minimum(place, len(order) - 1)
     other = order[place]
@@ -188,7 +172,7 @@ def find_smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH
     if not ((turn > FLATNESS_ANGLE) & flats.smooth).any():
         return None
     edge, other, flat = edge[flats.smooth], other[flats.smooth], flats.flat[flats.smooth]
-    # Corner k of a face begins its edge k; the neighbour's edge begins where this one ends.
+    # Corner k begins edge k of a face; the neighbour's edge begins at the other end.
     ends = [(edge, _next(other)), (_next(edge), other)]
     row, column = (np.concatenate([pair[i] for pair in ends]) for i in (0, 1))
     corners = 3 * len(faces)
@@ -196,7 +180,7 @@ def find_smoothing(vertices: FloatArray, faces: IntArray, crease: float = SMOOTH
     count, group = connected_components(links, directed=False)
     around = np.bincount(group[row], minlength=count) == 2 * np.bincount(group, minlength=count)
     found = _normal_groups(group, _contributing(group, flats, edge[flat], other[flat], links))
-    tip = _tips(found, vertices, faces) & around[group]  # an open fan of faces is part of something else
+    tip = _tips(found, vertices, faces) & around[group]  # the faces close around a tip
     if not tip.any():
         return found
     group[tip] = count + np.arange(np.count_nonzero(tip))
@@ -211,37 +195,37 @@ def _contributing(
     other: NDArray[np.int64],
     links: coo_array,
 ) -> NDArray[np.intp]:
-    """The corners that have a say in the normal of their group (face corner,); all but those of what is bent at one of
-    the edges given, beside something flat that it goes on from, and of what goes on from that alone. `links` join
-    corners of neighbouring faces."""
+    """Face corners that contribute to the normal of their group. Plane parts determine it beside edges `edge` to bent
+    parts (`other`), which contribute nothing there, nor do parts linked to them alone. `links` join corners of
+    neighbouring faces."""
     if not len(edge):
         return np.arange(len(group))
     count = int(flats.part.max()) + 1
-    member = group.astype(np.int64) * count + np.repeat(flats.part, 3)  # of a plane part in a group
+    member = group.astype(np.int64) * count + np.repeat(flats.part, 3)
     flat, bent = (np.unique(member[np.concatenate([each, _next(each)])]) for each in (edge, other))
     flat = np.setdiff1d(flat, bent)
     has_flat = np.zeros(int(group.max()) + 1, np.bool_)
     has_flat[flat // count] = True
     silent = has_flat[group] & np.isin(member, bent)
     kept = ~silent[links.row] & ~silent[links.col]
-    concatenate_aligned = coo_array((links.data[kept], (links.row[kept], links.col[kept])), shape=links.shape)
-    fans, fan = connected_components(concatenate_aligned, directed=False)
+    joined = coo_array((links.data[kept], (links.row[kept], links.col[kept])), shape=links.shape)
+    fans, fan = connected_components(joined, directed=False)
     from_flat = np.zeros(fans, np.bool_)
     from_flat[fan[np.isin(member, flat)]] = True
     return np.flatnonzero(~has_flat[group] | from_flat[fan])
 
 
-def _normal_groups(group: NDArray[np.integer[Any]], heard: NDArray[np.intp]) -> Smoothing:
-    """Of corners in groups (face corner,), whose normals are those of the ones that are `heard`."""
+def _normal_groups(group: NDArray[np.integer[Any]], contributing: NDArray[np.intp]) -> Smoothing:
+    """Smoothing of corners in groups (face corner,), of which some are `contributing`."""
     shape = (int(group.max()) + 1, len(group))
-    gather = csr_array((np.ones(len(heard)), (group[heard], heard)), shape=shape)
+    gather = csr_array((np.ones(len(contributing)), (group[contributing], contributing)), shape=shape)
     return Smoothing(group.reshape(-1, 3).astype(np.int32), gather)
 
 
 def _tips(smooth: Smoothing, vertices: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
-    """(face corner,) which are at the tip of a cone: faces around it turn little from one to the next and much from the
-    mean of them all, but edges that leave it aslant to that arrive at their other ends straight, where on something
-    round they would be as much aslant. With the mean normal there all sides of the cone would bulge."""
+    """(face corner,) corners at the tip of a cone, where a mean normal would bulge the sides. Edges leave a tip at an
+    angle to its normal and arrive at their other ends at right angles to the normal there; on a round surface both
+    angles are equal."""
     normals, places = smooth.normals(vertices, faces), vertices[faces]
     leaving, arriving = np.zeros((2, *faces.shape))
     for on in (1, 2):
@@ -253,9 +237,9 @@ def _tips(smooth: Smoothing, vertices: FloatArray, faces: IntArray) -> NDArray[n
     group = smooth.group.ravel()
     count = np.bincount(group)
     here, there = (np.bincount(group, weights=each.ravel()) / count for each in (leaving, arriving))
-    return np.asarray(((count > 2) & (np.abs(here) > np.maximum(_TIP, _STRAIGHT * there)))[group])
+    return np.asarray(((count > 2) & (np.abs(here) > np.maximum(_MIN_TIP_SLOPE, _MIN_TIP_RATIO * there)))[group])
 
 
 def _next(corner: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The corner after each within its face."""
+    """Next corner within the face."""
     return corner // 3 * 3 + (corner + 1) % 3

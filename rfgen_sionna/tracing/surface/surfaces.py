@@ -1,4 +1,4 @@
-"""The surfaces of a scene as the tracer sees them."""
+"""Surfaces of a scene in the tracer."""
 
 from __future__ import annotations
 
@@ -17,32 +17,31 @@ from rfgen_sionna.scene.mesh import corner_columns
 from rfgen_sionna.tracing.surface.smoothing import Smoothing, find_smoothing
 
 if TYPE_CHECKING:
-    from rfgen_sionna.scene import MeshActor, RadarScene
+    from rfgen_sionna.scene import MeshActor, RadarScene, StaticObject
     from rfgen_sionna.tracing.relative import RelativeObject
 
 
 @dataclass(frozen=True)
 class Surface:
-    """One object: its triangles, what it is made of and how its paths are labelled."""
+    """One object: triangles, material, and labels of its paths."""
 
     name: str
     object_id: int
     faces: IntArray
-    """(face, 3)"""
+    """(face, 3) vertex indices"""
     material: Material
     parts: IntArray
-    """(face,) index into the tracer's part names."""
+    """(face,) index into the part names of :class:`Surfaces`."""
     first_facet: int
-    """Number of its face 0 among all faces of the ray scene."""
+    """Index of its face 0 among all faces of the ray scene."""
     closed: bool
-    """Whether it is known to enclose a volume, looking outwards: then a face that looks away is hidden by another."""
+    """Whether it encloses a volume with outward normals: faces that face away are occluded."""
     outward: NDArray[np.bool_]
-    """(face,) which faces are of parts that are closed and do look outwards, each part by itself: from outside, a ray
-    comes to one of them that looks at it before it comes to one that looks away."""
+    """(face,) faces of closed, outward parts: a ray from outside meets their front first."""
     smooth: Smoothing | None
-    """Normals of the smooth surface that it samples; None where it is flat."""
+    """Normals of the smooth surface that the mesh samples; None means flat."""
     still: bool
-    """Whether it stays in the world; seen from a radar that moves it moves all the same."""
+    """Whether it is static in the world, also for a moving radar."""
 
 
 @dataclass(frozen=True)
@@ -57,14 +56,14 @@ class Surfaces:
 
 
 def tolerance_groups(surfaces: Sequence[Surface]) -> IntArray:
-    """(surface,) what shares one tolerance: each actor by itself, and all that stays in the world, which is many
-    surfaces to a radar that moves; each lot has the number of its first."""
+    """(surface,) tolerance group of each surface, by the index of its first: one per actor, one for all static
+    surfaces."""
     still = np.array([each.still for each in surfaces], np.bool_)
     return np.where(still, still.argmax() if still.any() else 0, np.arange(len(still))).astype(np.int32)
 
 
 def is_closed(faces: IntArray) -> bool:
-    """Whether every edge is used once in each direction."""
+    """Whether `faces` (face, 3) use every edge once in each direction."""
     start, end = faces.ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel().astype(np.int64)
     size = int(faces.max(initial=0)) + 1
     forward = np.sort(start * size + end)
@@ -72,7 +71,7 @@ def is_closed(faces: IntArray) -> bool:
 
 
 def outward_faces(vertices: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
-    """(face,) which faces of a closed mesh, of vertices (vertex, 3) [m], are of connected parts of positive volume."""
+    """(face,) faces of connected parts of positive volume, for a closed mesh with `vertices` (vertex, 3) [m]."""
     links = coo_array(
         (np.ones(2 * len(faces), np.int8), (np.tile(faces[:, 0], 2), faces[:, 1:].T.ravel())),
         shape=(len(vertices), len(vertices)),
@@ -88,52 +87,38 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[MeshActor | Rela
     """Number the objects and parts of a scene and its actors."""
     part_names: dict[str, int] = {}
 
+    every: list[Surface] = []
+
     def part(name: str) -> int:
         return part_names.setdefault(name, len(part_names))
 
-    static: list[Surface] = []
-    vertices: list[FloatArray] = []
-    moving: list[Surface] = []
-    names: list[str] = []
-    facets = 0
-    for thing in scene.objects if scene is not None else ():
-        label = part(thing.name)
-        static.append(
+    def add(
+        thing: StaticObject | MeshActor | RelativeObject, parts: IntArray, points: FloatArray, still: bool, closed: bool
+    ) -> None:
+        every.append(
             Surface(
                 name=thing.name,
-                object_id=len(names),
+                object_id=len(every),
                 faces=thing.faces,
                 material=thing.properties,
-                parts=np.full(len(thing.faces), label, dtype=np.int32),
-                first_facet=facets,
-                # A room may look inwards or outwards: rays alone decide which of its faces are seen.
-                closed=False,
-                outward=np.zeros(len(thing.faces), np.bool_),
-                smooth=find_smoothing(np.asarray(thing.vertices, dtype=np.float64), thing.faces),
-                still=True,
-            )
-        )
-        vertices.append(np.asarray(thing.vertices, dtype=np.float64))
-        names.append(thing.name)
-        facets += len(thing.faces)
-    for actor in actors:
-        still = getattr(actor, "static", False)
-        labels = np.array([part(name) for name in actor.part_names], dtype=np.int32)
-        closed, points = not still and is_closed(actor.faces), actor.vertices(0.0)
-        moving.append(
-            Surface(
-                name=actor.name,
-                object_id=len(names),
-                faces=actor.faces,
-                material=actor.properties,
-                parts=labels[actor.face_parts],
-                first_facet=facets,
+                parts=parts,
+                first_facet=every[-1].first_facet + len(every[-1].faces) if every else 0,
                 closed=closed,
-                outward=outward_faces(points, actor.faces) if closed else np.zeros(len(actor.faces), np.bool_),
-                smooth=find_smoothing(points, actor.faces),
+                outward=outward_faces(points, thing.faces) if closed else np.zeros(len(thing.faces), np.bool_),
+                smooth=find_smoothing(points, thing.faces),
                 still=still,
             )
         )
-        names.append(actor.name)
-        facets += len(actor.faces)
-    return Surfaces(tuple(static), tuple(vertices), tuple(moving), tuple(names), tuple(part_names))
+
+    things = scene.objects if scene is not None else ()
+    vertices = tuple(np.asarray(thing.vertices, dtype=np.float64) for thing in things)
+    for thing, points in zip(things, vertices, strict=True):
+        # A room may be oriented either way: rays alone decide which of its faces are visible.
+        add(thing, np.full(len(thing.faces), part(thing.name), dtype=np.int32), points, still=True, closed=False)
+    for actor in actors:
+        still = getattr(actor, "static", False)
+        labels = np.array([part(name) for name in actor.part_names], dtype=np.int32)
+        closed = not still and is_closed(actor.faces)
+        add(actor, labels[actor.face_parts], actor.vertices(0.0), still, closed)
+    count, names = len(vertices), tuple(each.name for each in every)
+    return Surfaces(tuple(every[:count]), vertices, tuple(every[count:]), names, tuple(part_names))

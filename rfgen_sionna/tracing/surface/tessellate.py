@@ -1,4 +1,4 @@
-"""Splitting faces into facets that are as fine as :mod:`rfgen_sionna.tracing.surface.resolution` asks for."""
+"""Division of faces into facets of the size of :mod:`rfgen_sionna.tracing.surface.resolution`."""
 
 from __future__ import annotations
 
@@ -18,49 +18,47 @@ from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 from rfgen_sionna.tracing.surface.resolution import MAX_PARTS, SmoothPieces, required_splits
 from rfgen_sionna.tracing.surface.smoothing import Smoothing
 
-_EQUAL = 1e-9
-"""Edges whose lengths differ by less, relative to them, are as long as each other: which is halved is not rounding's to
-tell."""
+_LENGTH_TOLERANCE = 1e-9
+"""Relative difference of edges that count as equal, so that rounding does not choose the one to divide."""
 _MAX_SPLITS = 64
+"""Largest number of bisections: 2^-32 of an edge, below the rounding of coordinates."""
 
 
 @dataclass(frozen=True)
 class Tessellation:
-    """Facets as pieces of a mesh's faces: fixed in the mesh, so that they move and deform with it."""
+    """Facets as pieces of a mesh's faces, which move and deform with it."""
 
     face: IntArray
-    """(facet,) index of the face that the facet is a piece of."""
+    """(facet,) face of each facet."""
     weights: FloatArray
-    """(facet, 3, 3) barycentric coordinates in that face of the facet's three corners (corner, vertex)."""
+    """(facet, corner, vertex) barycentric coordinates of the facet's corners in the face."""
     parts: IntArray
-    """(facet,) number of parts that the integral divides each edge into."""
+    """(facet,) parts per edge of the integral."""
     flat_parts: IntArray | None = None
-    """(facet,) those that would do if it were flat; None: `parts`."""
+    """(facet,) parts per edge of a flat facet; None means `parts`."""
     curved_parts: FloatArray | None = None
-    """(facet,) those that the surface's height over it asks for where it is seen straight on, not rounded."""
+    """(facet,) parts per edge for the surface's height at normal incidence, not rounded."""
     grains: FloatArray | None = None
-    """(facet, 3, 3) corners, likewise, of the grain that each facet is of: what scatters as one, however finely it is
-    integrated. None: each facet by itself."""
+    """(facet, corner, vertex) corners of the facet's grain, which scatters as one; None means the facet."""
 
     def visible_parts(self, poses: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray) -> IntArray:
-        """(facet,) `parts` that will do for what is seen from the viewpoint in each of the `poses`, (vertex, 3) [m]:
-        aslant, a surface's height makes less of a difference to the path."""
+        """(facet,) parts per edge in `poses` (vertex, 3) [m]: a height lengthens the path by its cosine only."""
         if self.flat_parts is None or self.curved_parts is None or not self.curved_parts.any():
             return self.parts
-        found = np.ceil(self.curved_parts * _straightness(poses, faces, viewpoint)[self.face])
+        found = np.ceil(self.curved_parts * _incidence(poses, faces, viewpoint)[self.face])
         return np.maximum(self.flat_parts, found.astype(np.int32))
 
     @cached_property
     def places(self) -> IntArray:
-        """(facet,) where in its face each facet's grain lies, as a number that no other grain of the face has."""
+        """(facet,) number of each facet's grain within its face, by the grain's position."""
         own = self.weights if self.grains is None else self.grains
         middle = np.rint(own.mean(axis=1)[:, :2] * 2**15).astype(np.int32)
         return np.asarray(middle[:, 0] * 2**16 + middle[:, 1], dtype=np.int32)
 
     @cached_property
     def shares(self) -> FloatArray | None:
-        """(facet, 4) which share of its grain each facet is, and the grain's middle in barycentric coordinates of the
-        facet; None where each facet is a grain."""
+        """(facet, 4) share of the facet in its grain, and barycentric coordinates of the grain's middle in the facet;
+        None without grains."""
         if self.grains is None:
             return None
         share = np.abs(np.linalg.det(self.weights) / np.linalg.det(self.grains))
@@ -69,16 +67,16 @@ class Tessellation:
 
     @cached_property
     def pieces(self) -> NDArray[np.intp]:
-        """Facets that are less than their face."""
+        """Facets smaller than their face."""
         return np.flatnonzero((self.weights != np.eye(3)).any(axis=(1, 2)))
 
     @cached_property
     def _middles(self) -> FloatArray:
-        """(facet, 3) barycentric coordinates of the facets' middles."""
+        """(facet, 3) barycentric coordinates of the centroids."""
         return triangle_centroids(self.weights)
 
     def are_the_faces(self, count: int) -> bool:
-        """Whether facets and the `count` faces are the same, one by one."""
+        """Whether the facets are the `count` faces, in order."""
         return len(self.face) == count and self._begin_the_faces
 
     @cached_property
@@ -86,12 +84,11 @@ class Tessellation:
         return not len(self.pieces) and bool((self.face == np.arange(len(self.face))).all())
 
     def corners(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp] | None = None) -> FloatArray:
-        """(facet, 3, 3) corner positions [m] for the mesh's (vertex, 3) positions; those of the facets that `chosen`
-        counts out."""
+        """(facet, 3, 3) corners [m] of all or of the `chosen` facets, for vertices (vertex, 3) [m]."""
         if chosen is not None:
             return np.asarray(self.weights[chosen] @ face_corners(vertices, faces[self.face[chosen]]), dtype=np.float64)
         corners = face_corners(vertices, faces if self.are_the_faces(len(faces)) else faces[self.face])
-        pieces = self.pieces  # few, where a mesh is fine
+        pieces = self.pieces
         corners[pieces] = self.weights[pieces] @ corners[pieces]
         return np.asarray(corners, dtype=np.float64)
 
@@ -102,18 +99,18 @@ class Tessellation:
         smooth: Smoothing | None,
         chosen: NDArray[np.intp] | None = None,
     ) -> list[QuadraticPatch]:
-        """How the facets are bent at several times, for the mesh's (vertex, 3) positions [m] then; others than those
-        that `chosen` counts out may be left flat."""
+        """Patches of the facets at several times, for vertices (vertex, 3) [m]; only the `chosen` ones need any, None
+        means all."""
         count, pieces = len(self.face), self.pieces
         if smooth is None or not count:
             return [QuadraticPatch(np.zeros((count, 3, 3))) for _ in vertices]
         whole = self.are_the_faces(len(faces))
-        any_visible = chosen
+        of_faces = chosen
         if not whole and chosen is not None:
             there = np.zeros(len(faces), np.bool_)
             there[self.face[chosen]] = True
-            any_visible = np.flatnonzero(there)
-        found = smooth.patches(vertices, faces, any_visible)
+            of_faces = np.flatnonzero(there)
+        found = smooth.patches(vertices, faces, of_faces)
         if not whole:
             found = [patch.take(self.face) for patch in found]
         if len(pieces):
@@ -125,15 +122,15 @@ class Tessellation:
         return found
 
     def centroids(self, vertices: FloatArray, faces: IntArray, chosen: NDArray[np.intp]) -> FloatArray:
-        """(chosen, 3) means of the corners [m] of the facets that `chosen` counts out."""
+        """(chosen, 3) centroids [m] of the `chosen` facets, for vertices (vertex, 3) [m]."""
         ends, weights = np.take(faces, self.face[chosen], axis=0), np.take(self._middles, chosen, axis=0)
         shape = len(chosen), len(vertices)
         rows = csr_array((weights.ravel(), ends.ravel(), np.arange(0, 3 * len(chosen) + 1, 3)), shape=shape)
         return np.asarray(rows @ np.asarray(vertices, np.float64))
 
 
-def _straightness(poses: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray) -> FloatArray:
-    """(face,) root of the cosine of the angle at which each is seen, the largest of all `poses`."""
+def _incidence(poses: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray) -> FloatArray:
+    """(face,) root of the largest cosine of incidence over all `poses`."""
     dr, types = drjit_types()
     found = dr.empty(types.Float64, len(faces))
     given = {
@@ -145,18 +142,18 @@ def _straightness(poses: Sequence[FloatArray], faces: IntArray, viewpoint: Float
         "viewpoint": upload(types.Float64, viewpoint),
         "found": found,
     }
-    _STRAIGHTNESS(given)
+    _INCIDENCE(given)
     return np.asarray(found.numpy())
 
 
-def _straighten(given: dict[str, Any]) -> None:
-    """The kernel of :func:`_straightness`."""
+def _find_incidence(given: dict[str, Any]) -> None:
+    """Kernel of :func:`_incidence`."""
     dr, types = drjit_types()
     Float, UInt32, Array3, lane = types.Float64, types.UInt32, types.Array3f64, given["lanes"]
     ends = [dr.gather(UInt32, given["faces"], 3 * lane + k) for k in range(3)]
     eye = Array3(*(dr.gather(Float, given["viewpoint"], UInt32(axis)) for axis in range(3)))
 
-    def visible(pose: Any, most: Any) -> tuple[Any, Any]:
+    def step(pose: Any, most: Any) -> tuple[Any, Any]:
         first = [3 * (pose * given["points"] + each) for each in ends]
         a, b, c = (Array3(*(dr.gather(Float, given["vertices"], k + axis) for axis in range(3))) for k in first)
         cross = dr.cross(b - a, c - a)
@@ -165,16 +162,16 @@ def _straighten(given: dict[str, Any]) -> None:
         return pose + 1, dr.maximum(most, abs(dr.dot(cross, offset)) / dr.maximum(size, 1e-300))
 
     begun = dr.zeros(UInt32, dr.width(lane)), dr.zeros(Float, dr.width(lane))
-    most = dr.while_loop(begun, lambda pose, _: pose < given["poses"], visible)[1]
+    most = dr.while_loop(begun, lambda pose, _: pose < given["poses"], step)[1]
     dr.scatter(given["found"], dr.sqrt(dr.minimum(most, 1.0)), lane, mode=dr.ReduceMode.Permute)
     dr.eval(given["found"])
 
 
-_STRAIGHTNESS = FrozenKernel(_straighten)
+_INCIDENCE = FrozenKernel(_find_incidence)
 
 
 NO_FACETS = Tessellation(np.zeros(0, np.int32), np.zeros((0, 3, 3)), np.zeros(0, np.int32))
-"""No facets of a surface."""
+"""Tessellation without facets."""
 
 
 def tessellate(
@@ -194,8 +191,7 @@ def tessellate(
 ) -> Tessellation:
     """Bisect the longest edges until every facet is small enough to be integrated in few parts.
 
-    A facet is what is seen or hidden and what moves as one; how finely it is integrated is the parts' business: each
-    of them is allowed its quadratic phase at `rtol`.
+    A facet has one visibility and one motion; each part of its integral has its own quadratic phase at `rtol`.
 
     Parameters
     ----------
@@ -206,44 +202,39 @@ def tessellate(
     frequency
         Highest frequency of the band [Hz].
     rtol
-        Allowed error relative to what the surface would return in the most important direction.
-    importance
-        Unit vectors (facet, 3) from the viewpoint to the weight in 0 … 1 that the radar gives to what comes from there:
-        where it hardly listens, coarser facets will do, where that changes steeply finer ones. None is 1 all around.
+        Error relative to the surface's return in the direction of the highest gain.
+    pattern_gain
+        Weights in 0 … 1 of unit vectors (..., 3) from the viewpoint; None means 1. Small weights need coarser facets,
+        steep ones finer facets.
     max_range
-        Facets that lie beyond it as a whole are left out [m]: of a town only what is near is split.
+        Facets beyond it [m] are omitted.
     half_band
-        Half the band that is sampled [Hz]; facets deeper than :data:`BAND_SWING` allows are split.
+        Half the sampled band [Hz]; :data:`BAND_SWING` bounds the facets' depth.
     limit
         Largest number of facets.
     images
-        Mirror images of the vertices (vertex, 3) [m], which are seen as well, and the `rtol` of each.
+        Mirror images (vertex, 3) [m] of the vertices, each with its `rtol`.
     smooth
-        Normals of the smooth surface that the mesh samples; None where it is flat.
+        Normals of the smooth surface; None means flat faces.
     still
-        Whether it stays where it is.
+        Whether the surface is static.
     grain
-        Longest edge of grains [m]: facets are no larger, and know theirs, which are the same from wherever the surface
-        is seen as long as it keeps its shape. None: there are none.
+        Longest edge of grains [m], which do not depend on the viewpoint and bound the facets; None means no grains.
 
     Raises
     ------
     ValueError
-        If the tolerance would take more than `limit` facets.
+        If `rtol` takes more than `limit` facets.
     """
     face = np.arange(len(faces), dtype=np.int32)
     height, sagittas = np.zeros(len(faces)), None
     if smooth is not None:
-        # In the middle of a face 4/9 of what its edges rise.
+        # The middle of a face rises by 4/9 of the sum over its edges.
         sagittas = smooth.patch(vertices, faces).sagittas
         height = lengths(sagittas).sum(axis=1) * (4 / 9)
     weights = np.broadcast_to(np.eye(3), (len(faces), 3, 3))
     grains = np.full(weights.shape, np.nan)
-    done_grains: list[FloatArray] = []
-    done_face: list[IntArray] = []
-    done_weights: list[FloatArray] = []
-    done_parts: list[IntArray] = []
-    done_heights: list[FloatArray] = []
+    done: list[tuple[NDArray[Any], ...]] = []  # face, weights, parts, parts for the height, grains
     count = 0
     for times in range(_MAX_SPLITS):
         corners = np.asarray(weights @ vertices[faces[face]], dtype=np.float64)
@@ -253,41 +244,33 @@ def tessellate(
             near = lengths(centre - viewpoint) - radius < max_range
             if not near.all():
                 face, weights, grains, corners = face[near], weights[near], grains[near], corners[near]
-        # It goes with the square of a piece's edges, as its area does.
+        # Heights go with the area of a piece.
         patch = None
         if sagittas is not None:
             patch = SmoothPieces(height[face] * 0.5**times, weights, sagittas[face])
-        coarse, parts, high = required_splits(
-            corners, viewpoint, frequency, rtol, pattern_gain, half_band, patch, still
-        )
+        known = pattern_gain, half_band
+        coarse, parts, high = required_splits(corners, viewpoint, frequency, rtol, *known, patch, still)
         for mirrored, tolerance in images:
-            visible = np.asarray(weights @ mirrored[faces[face]], dtype=np.float64)
-            any_visible = None if patch is None else replace(patch, sagittas=None)
-            more = required_splits(
-                visible, viewpoint, frequency, tolerance, pattern_gain, half_band, any_visible, still
-            )
+            image = np.asarray(weights @ mirrored[faces[face]], dtype=np.float64)
+            bent = None if patch is None else replace(patch, sagittas=None)
+            more = required_splits(image, viewpoint, frequency, tolerance, *known, bent, still)
             coarse, parts, high = coarse | more[0], np.maximum(parts, more[1]), np.maximum(high, more[2])
         sides = lengths(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]])  # opposite corner
-        # Of edges alike one, and those as long as a grain, whatever rounding says: the same from any side.
         if grain is not None:
-            fresh = np.isnan(grains[:, 0, 0]) & (max_component(sides) <= (1.0 + _EQUAL) * grain)
+            fresh = np.isnan(grains[:, 0, 0]) & (max_component(sides) <= (1.0 + _LENGTH_TOLERANCE) * grain)
             grains[fresh] = weights[fresh]
             coarse |= np.isnan(grains[:, 0, 0])
-        done_face.append(face[~coarse])
-        done_weights.append(weights[~coarse])
-        done_grains.append(grains[~coarse])
-        done_parts.append(parts[~coarse])
-        done_heights.append(high[~coarse])
+        done.append(tuple(each[~coarse] for each in (face, weights, parts, high, grains)))
         count += int(np.count_nonzero(~coarse))
         face, weights, grains, sides = face[coarse], weights[coarse], grains[coarse], sides[coarse]
         if len(face) == 0:
             break
         if count + 2 * len(face) > limit:
             raise ValueError(
-                f"rtol is {rtol:g}: it takes more than {limit:,} facets in this scene; raise rtol or remove large, "
-                "near surfaces that the radar does not need to see"
+                f"rtol is {rtol:g}: this scene takes more than {limit:,} facets; raise rtol, or remove large surfaces "
+                "near the radar"
             )
-        longest = sides >= (1.0 - _EQUAL) * max_component(sides)[:, None]
+        longest = sides >= (1.0 - _LENGTH_TOLERANCE) * max_component(sides)[:, None]
         edge = longest.argmax(axis=1) if grain is not None else 2 - longest[:, ::-1].argmax(axis=1)
         row = np.arange(len(face))
         apex, left, right = weights[row, edge], weights[row, (edge + 1) % 3], weights[row, (edge + 2) % 3]
@@ -295,18 +278,9 @@ def tessellate(
         face, grains = np.concatenate([face, face]), np.concatenate([grains, grains])
         weights = np.concatenate([np.stack([apex, left, middle], axis=1), np.stack([apex, middle, right], axis=1)])
     else:
-        done_face.append(face)
-        done_weights.append(weights)
-        done_grains.append(np.where(np.isnan(grains), weights, grains))
-        done_parts.append(np.full(len(face), MAX_PARTS, dtype=np.int32))
-        done_heights.append(np.zeros(len(face)))
-    order = np.argsort(np.concatenate(done_face), kind="stable")
-    flat, high = np.concatenate(done_parts)[order], np.concatenate(done_heights)[order]
-    return Tessellation(
-        np.concatenate(done_face)[order],
-        np.concatenate(done_weights)[order],
-        np.maximum(flat, np.ceil(high).astype(np.int32)),
-        flat,
-        high,
-        None if grain is None else np.concatenate(done_grains)[order],
-    )
+        most = np.full(len(face), MAX_PARTS, dtype=np.int32)
+        done.append((face, weights, most, np.zeros(len(face)), np.where(np.isnan(grains), weights, grains)))
+    order = np.argsort(np.concatenate([each[0] for each in done]), kind="stable")
+    columns = list(zip(*done, strict=True))[: 4 if grain is None else 5]
+    face, weights, flat, high, *own = (np.concatenate(each)[order] for each in columns)
+    return Tessellation(face, weights, np.maximum(flat, np.ceil(high).astype(np.int32)), flat, high, *own)
