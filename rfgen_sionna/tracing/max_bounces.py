@@ -9,13 +9,8 @@ MOST_BOUNCES = 3
 
 
 def check_max_bounces(value: int | None) -> int:
-    """Number of surfaces of a `max_bounces` argument; None allows all `MOST_BOUNCES`.
-
-    Raises
-    ------
-    ValueError
-        If `value` is neither None nor 1 … 3.
-    """
+    """Number of surfaces of a `max_bounces` argument, 1 … 3; None allows all `MOST_BOUNCES`. Raises ValueError
+    otherwise."""
     if value is None:
         return MOST_BOUNCES
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= MOST_BOUNCES:

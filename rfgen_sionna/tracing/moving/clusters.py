@@ -38,17 +38,8 @@ as the errors of a spinning body add up."""
 
 
 class FacetClusters:
-    """Cluster heads of the facets of moving surfaces.
-
-    Parameters
-    ----------
-    band
-        Band, array and pattern gain.
-    viewpoint
-        (3,) phase centre of the radar [m].
-    rtol
-        Relative tolerance.
-    """
+    """Cluster heads of the facets of moving surfaces, for a phase centre `viewpoint` (3,) [m] and a relative tolerance
+    `rtol`."""
 
     def __init__(self, band: BandTracer, viewpoint: FloatArray, rtol: float) -> None:
         self._band, self._viewpoint, self._rtol = band, viewpoint, rtol
@@ -110,19 +101,9 @@ class FacetClusters:
 
 
 def max_cluster_width(frequency: float, half_band: float, aperture: float, distance: float, rtol: float) -> float:
-    """Largest width [m] of a cluster.
-
-    Parameters
-    ----------
-    frequency, half_band
-        Highest frequency and half the sampled band [Hz].
-    aperture
-        Largest sum of Tx and Rx displacement from the phase centre [m].
-    distance
-        Range of the nearest facets [m].
-    rtol
-        Relative tolerance.
-    """
+    """Largest width [m] of a cluster, for the highest `frequency` and half the sampled band, `half_band` [Hz], the
+    largest sum of Tx and Rx displacement from the phase centre, `aperture` [m], and the `distance` of the nearest
+    facets [m]."""
     by_band = BAND_PHASE * SPEED_OF_LIGHT / (4 * np.pi * max(half_band, 1e-9))
     by_array = ARRAY_PHASE * SPEED_OF_LIGHT * distance / (2 * np.pi * frequency * max(aperture, 1e-9))
     return float(rtol**0.25 * min(by_band, by_array))
@@ -133,23 +114,10 @@ def cluster_heads(
 ) -> IntArray:
     """(face,) head of each face's cluster; the face itself where it is alone.
 
-    Parameters
-    ----------
-    vertices, faces
-        (vertex, 3) [m] and (face, 3).
-    parts
-        (face,) body part; clusters do not span parts.
-    whole
-        Faces that are one facet each; others stay alone.
-    most
-        Largest width of a cluster [m].
-    rtol
-        Relative tolerance.
-
-    Notes
-    -----
-    Clusters are the connected parts of the mesh within the cells of a lattice in the frame of the widest face, so that
-    they do not depend on the pose.
+    `vertices` (vertex, 3) [m], `faces` (face, 3) and body `parts` (face,), which clusters do not span; faces in `whole`
+    are one facet each, others stay alone; `most` is the largest width of a cluster [m]. Clusters are the connected
+    parts of the mesh within the cells of a lattice in the frame of the widest face, so that they do not depend on the
+    pose.
     """
     alone = np.arange(len(faces), dtype=np.int32)
     if len(whole) < 2:

@@ -46,17 +46,9 @@ class FacingFacets(NamedTuple):
 
 
 class ReturnBounds:
-    """Estimates and upper bounds of facets' returns, from their corners.
-
-    Parameters
-    ----------
-    viewpoint
-        (3,) phase centre of the radar [m].
-    wavenumber
-        At the highest frequency [rad/m].
-    aperture
-        Largest sum of the displacements of a Tx and an Rx element from the phase centre [m].
-    """
+    """Estimates and upper bounds of facets' returns, from their corners, for a phase centre `viewpoint` (3,) [m], the
+    `wavenumber` at the highest frequency [rad/m] and an `aperture`, the largest sum of the displacements of a Tx and an
+    Rx element from the phase centre [m]."""
 
     def __init__(self, viewpoint: FloatArray, wavenumber: float, aperture: float) -> None:
         self._viewpoint, self._wavenumber, self._aperture = viewpoint, wavenumber, aperture
@@ -117,22 +109,10 @@ def cull_weakest(
     allowed: FloatArray,
     waves: Callable[[NDArray[np.intp]], ComplexArray],
 ) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Negligible facets of each `surface` (facet,).
+    """(facet,) whether each facet is negligible, and (surface,) the sum of the returns of these.
 
-    Parameters
-    ----------
-    return_estimate
-        (facet,) upper bounds of the returns.
-    surface
-        (facet,) surface of each facet.
-    allowed
-        (surface,) largest sum of the omitted returns, incoherent and coherent.
-    waves
-        Facet indices to complex returns (facet,), for the coherent sum.
-
-    Returns
-    -------
-    (facet,) whether each facet is omitted, and (surface,) the sum of the omitted returns.
+    `return_estimate` (facet,) are upper bounds of facets of each `surface` (facet,); `allowed` (surface,) is the
+    largest sum of omitted returns, both incoherent and coherent, the latter by the `waves` of facet indices.
     """
     found, left = np.zeros(len(return_estimate), np.bool_), np.zeros(len(allowed))
     for number, most in enumerate(allowed.tolist()):

@@ -43,21 +43,9 @@ _LOG = logging.getLogger(__name__)
 
 
 class ErrorControl:
-    """Chooses facets and expansion, and estimates the error of direct returns.
-
-    The choice persists until the error exceeds the tolerance.
-
-    Parameters
-    ----------
-    surfaces, band, rtol
-        All surfaces, gains of the radar, relative tolerance.
-    facets
-        Facets of the moving surfaces.
-    indirect
-        Indirect paths, which may demand finer facets.
-    trace_visibility
-        Direct visibility at a time [s] of an interval.
-    """
+    """Chooses facets and expansion of the `surfaces`, and estimates the error of direct returns. The choice persists
+    until the error exceeds the tolerance. `trace_visibility` gives the direct visibility at a time [s] of an interval;
+    `indirect` paths may demand finer facets."""
 
     def __init__(
         self,
@@ -101,19 +89,8 @@ class ErrorControl:
         visibility: Callable[[FloatArray, Expansion], IntervalVisibility],
         turn: int | None,
     ) -> IntervalVisibility:
-        """`visibility` at the `sample_times` [s] with an expansion that is fine enough.
-
-        Parameters
-        ----------
-        sample_times
-            (time,) [s].
-        interval
-            The interval.
-        visibility
-            Visibility at sample times [s] with an expansion.
-        turn
-            Number of the measurement, which chooses the element pair; None keeps the choice without a measurement.
-        """
+        """`visibility` at the `sample_times` [s] with an expansion that is fine enough. The number of the measurement,
+        `turn`, chooses the element pair; None keeps the expansion without a measurement."""
         continued = self.expansion is not None
         if continued and turn is not None and self._any_curved:  # a thing that turns may show more of its rim
             self._weigh_terminator(self._trace_visibility(_middle(sample_times), interval))
@@ -167,19 +144,9 @@ class ErrorControl:
     def verify_correction(
         self, unverified: NDArray[np.bool_], off: FloatArray, level: FloatArray, visibility: IntervalVisibility
     ) -> None:
-        """Record the measured error of the shadow-boundary correction.
-
-        Parameters
-        ----------
-        unverified
-            (surface,) measured surfaces.
-        off
-            (surface,) error, an amplitude.
-        level
-            (surface,) largest return of the pairs. It replaces the reference level where it is larger; of flat surfaces
-            also where it is smaller, as these return mostly from visible pieces.
-        visibility
-            Visibility of the measurement.
+        """Record the measured error of the shadow-boundary correction, `off` (surface,), an amplitude, of the
+        `unverified` surfaces (surface,). `level` (surface,), the largest return of the pairs, replaces the reference
+        level where it is larger; of flat surfaces also where it is smaller, as these return mostly from visible pieces.
         """
         anew = unverified & (level > 0) & (~self._curved | (level > self.level))
         lowered = np.where(anew & (self.level > 0), level / np.where(self.level > 0, self.level, 1.0), 1.0)
@@ -316,8 +283,7 @@ class ErrorControl:
         return self._last
 
     def to_terminator(self, visible: VisibleFacets, everywhere: bool = False) -> VisibleFacets:
-        """Adds facets that face away but show up to the terminator: of surfaces in :attr:`terminator`, or `everywhere`.
-        """
+        """Add facets that face away but show up to the terminator: of surfaces in `terminator`, or `everywhere`."""
         if not (everywhere or self.terminator.any()):
             return visible
         known = self._band.viewpoint, self._band.reach

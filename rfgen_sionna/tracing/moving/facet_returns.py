@@ -50,11 +50,8 @@ def relative_to_largest(missed: FloatArray, level: FloatArray, best: FloatArray)
 
 
 class FacetReturns:
-    """Integrates facets of surfaces with `materials`.
-
-    Arguments of the methods: `expansion` has the integrals to compute, its values; `references` are the points (facet,
-    3) [m] of the delays, one array per time. Surfaces of one `tolerance_group` (surface,) share a tolerance.
-    """
+    """Integrates facets of surfaces with `materials`. In the methods, `references` are the points (facet, 3) [m] of the
+    delays, one array per time. Surfaces of one `tolerance_group` (surface,) share a tolerance."""
 
     def __init__(self, band: BandTracer, materials: tuple[Material, ...], tolerance_group: IntArray) -> None:
         self._band, self._materials, self._tolerance_group = band, materials, tolerance_group
@@ -82,22 +79,9 @@ class FacetReturns:
         expansion: Expansion,
         times: int = 1,
     ) -> SampledReturns:
-        """Returns with the shadow weight: the visible fraction times the whole, and piece by piece of partly occluded
-        facets, each piece with its own phase.
-
-        Parameters
-        ----------
-        visible
-            Visibility at each time; each may hold `times` times in succession.
-        selected
-            Indices of the integrated facets.
-        facets, references
-            These facets and their reference points, at each time.
-        expansion
-            The expansion.
-        times
-            Times in each of `visible`.
-        """
+        """Returns with the shadow weight: the whole times its visible fraction, and piece by piece of partly occluded
+        facets, each piece with its own phase. `facets` are those with indices `selected`, at each time, with
+        `references`; each of `visible` may hold several `times` in succession."""
         cut = [number for number, each in enumerate(visible) if len(each.owner)]
         parts, theirs, missed = list(facets), list(references), np.zeros(len(self._materials))
         if cut:
@@ -182,20 +166,9 @@ class FacetReturns:
         surfaces: NDArray[np.bool_],
         place: float = 0.0,
     ) -> ComplexArray:
-        """(group,) difference of a pair's return from that of the phase centre, of some `surfaces` (surface,), at a
-        `place` -1 … 1 of the band.
-
-        Parameters
-        ----------
-        boundary_correction
-            Of the `selected` facets; None returns 0.
-        visible
-            Visibility.
-        reference
-            (facet, 3) points of the delays [m].
-        pair
-            Tx and Rx.
-        """
+        """(group,) difference of the return of a `pair` (Tx, Rx) from that of the phase centre, of some `surfaces`
+        (surface,), at a `place` -1 … 1 of the band. `boundary_correction` is that of the `selected` facets with points
+        `reference` (facet, 3) [m]; None returns 0."""
         count = len(self._materials)
         if boundary_correction is None:
             return np.zeros(count, np.complex128)
@@ -248,22 +221,9 @@ class FacetReturns:
     ) -> tuple[ComplexArray, NDArray[np.intp]]:
         """(order, tx, rx, path, time) of the paths, one per cluster, and the (path,) cluster heads.
 
-        Parameters
-        ----------
-        facets
-            Facets at each time.
-        shares
-            (facet, time) visible fraction, which weights the energy of diffuse returns.
-        values
-            (value, facet) at each time, shadow weight applied.
-        expansion
-            The expansion.
-        cluster_head
-            (facet,) cluster head of each.
-        boundary_correction
-            Differences of the element pairs at each time.
-        pattern
-            (facet,) pattern gain of each facet over that of its head, at each time; None is 1.
+        `facets` and their `values` (value, facet), shadow weight applied, are those of each time, as are the
+        `boundary_correction` and `pattern` (facet,), the pattern gain over that of the head; None is 1. `shares`
+        (facet, time) are visible fractions, which weight the energy of diffuse returns; `cluster_head` is (facet,).
         """
         order = np.argsort(cluster_head, kind="stable")
         heads, first = np.unique(cluster_head[order], return_index=True)
@@ -300,17 +260,9 @@ class FacetReturns:
     def cancellation(
         self, by_way: Sequence[FloatArray], gains: ComplexArray, surface: IntArray, surfaces: int
     ) -> FloatArray:
-        """(surface,) incoherent over coherent sum of each surface's paths over all times; 0 without a return.
-
-        Parameters
-        ----------
-        by_way
-            (path, 3) points of the delays [m] at each time.
-        gains
-            (path, time) of the first pair.
-        surface, surfaces
-            (path,) surface of each path, and their number.
-        """
+        """(surface,) incoherent over coherent sum of each surface's paths over all times; 0 without a return. `by_way`
+        are the (path, 3) points of the delays [m] at each time, `gains` (path, time) those of the first pair, `surface`
+        (path,) one of `surfaces`."""
         alone, together = np.zeros((2, surfaces))
         surface = self._tolerance_group[surface]
         for own, there in zip(gains.T, by_way, strict=True):
@@ -342,17 +294,9 @@ def best_visible_level(
     level: FloatArray,
     cancellation: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """(surface,) reference level and cancellation of each surface, at the time of its best visibility.
-
-    Parameters
-    ----------
-    waves
-        Returns (facet,) at a time, with propagation and antennas.
-    shares, surface, half
-        As of :func:`most_visible_times`.
-    level, cancellation
-        (surface,) values so far; `level` grows to the return at the time `half` at least.
-    """
+    """(surface,) reference `level` and `cancellation` of each surface, at the time of its best visibility. `waves`
+    gives the returns (facet,) at a time, with propagation and antennas; the others are those of
+    :func:`most_visible_times`. `level` grows to the return at the time `half` at least."""
     best, more = level, cancellation
     for k in [half, *most_visible_times(shares, surface, half)]:
         found = waves(k)

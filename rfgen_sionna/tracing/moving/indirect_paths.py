@@ -42,21 +42,8 @@ class IndirectVisibility(NamedTuple):
 
 
 class IndirectPaths:
-    """Traces the indirect paths of moving surfaces.
-
-    Parameters
-    ----------
-    surfaces, band
-        All surfaces, gains of the radar.
-    ghosts
-        Images in walls; None without.
-    planar
-        Planar reflectors, without and with slabs on their legs.
-    curved
-        Specular double bounces; None without.
-    transmission_tracer
-        Paths through slabs; None without.
-    """
+    """Traces the indirect paths of moving surfaces: `ghosts` in walls, `planar` reflectors without and with slabs on
+    their legs, `curved` double bounces and those of `transmission_tracer` through slabs; None omits a kind."""
 
     def __init__(
         self,
@@ -90,8 +77,7 @@ class IndirectPaths:
         return self.ghosts if self.ghosts is not None and self.ghosts.active else None
 
     def prepare(self, positions: Positions, times: Sequence[float]) -> Positions:
-        """Choose the mirrors for `times` [s]; returns the positions of all points whose delays matter, images included.
-        """
+        """Choose the mirrors for `times` [s]; returns the positions of all points whose delays matter, with images."""
         if self.ghosts is not None:
             self.ghosts.prepare([positions(t) for t in times])
         ghosts, planar = self._active_ghosts, self.active_reflections(positions, times[0])

@@ -227,8 +227,7 @@ def max_phase_step(tolerance: float, gaps: int) -> float:
 
 
 def has_shadow_edge(shares: FloatArray) -> NDArray[np.bool_]:
-    """(facet,) whether a shadow boundary is on the facet or passes it, by its visible fraction `shares` (facet, time).
-    """
+    """(facet,) whether a shadow boundary is on or passes each facet, by its visible fraction `shares` (facet, time)."""
     rows = np.ascontiguousarray(shares.T)  # many times faster along long rows
     low, high = rows.min(axis=0), rows.max(axis=0)
     return np.asarray((high > low) | ((low > 0) & (low < 1)))
@@ -273,18 +272,12 @@ def missed_energy(
     surface: NDArray[np.integer[Any]],
     count: int,
 ) -> FloatArray:
-    """(surface,) mean energy over time that splines miss of each of `count` surfaces.
+    """(surface,) mean energy over time that splines miss of each of `count` surfaces; the other arguments are those of
+    :func:`rfgen_sionna.tracing.moving.temporal_refinement.choose_refinement`.
 
     The coherent sum of the facets' errors, raised towards the incoherent sum as far as chance may have reduced it: a
     shadow boundary that leaves one facet enters the next, whose errors nearly cancel, and n times determine the energy
     of the sum to 1 / √n only.
-
-    Parameters
-    ----------
-    gains, phasors, shares, width
-        As of :func:`rfgen_sionna.tracing.moving.temporal_refinement.choose_refinement`.
-    surface, count
-        (facet,) surface of each facet, and their number.
     """
     energy, missed = gains.real**2 + gains.imag**2, leave_one_out(gains)
     swung = np.maximum(energy[:, 1:], energy[:, :-1]) * interpolation_loss(

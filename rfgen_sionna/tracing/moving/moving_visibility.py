@@ -1,4 +1,4 @@
-"""What the radar sees of moving facets at some instants."""
+"""Visibility of moving facets from the phase centre, at sample times."""
 
 from __future__ import annotations
 
@@ -39,17 +39,16 @@ from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
 
 MIN_RAY_SPACING = 2.5e-4
-"""Least angle between rays past one edge [rad]."""
+"""Smallest angle between silhouette rays past one edge [rad]; bounds their number."""
 _ROUNDS, _MAX_EXCESS = 2, 2.0
-"""How often it is reckoned anew which facets are too weak, at most, and by what factor they may return more than is
-allowed for less to be seen of a surface than was thought."""
+"""Largest number of culling rounds, and excess of culled returns over the allowed one that starts another round."""
 _PER_FACET, _SMALL = 0.3, 0.1
-"""Angle between them at a tolerance of 1 %, over the width of facets such that smaller ones make up so small a share of
-the view."""
+"""Angle between silhouette rays at a tolerance of 1 %, over the width of the facets below which lies the second as a
+share of the visible area."""
 
 
 class MovingVisibility:
-    """Looks at moving surfaces from one place, as far as the range window."""
+    """Visibility of moving surfaces from the phase centre, within the range window."""
 
     def __init__(
         self, surfaces: Surfaces, band: BandTracer, viewpoint: FloatArray, max_range: float, rtol: float
@@ -83,13 +82,13 @@ class MovingVisibility:
         vertices: Sequence[Sequence[FloatArray]],
         share: FloatArray | None = None,
     ) -> list[VisibleFacets]:
-        """What is seen at several `times` [s] of `facets`, at each all those of the moving surfaces, which have their
-        `vertices` (vertex, 3) [m] then; `places` are those of
-        :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.touching`,
-        and `rays` is the ray scene at any time. With a `share` (surface,) of what weak facets may come to, those that
-        return next to nothing at all these times (:mod:`rfgen_sionna.tracing.moving.culling`) are not looked at; None
-        is
-        0. But for these, nothing is told of times by one another: together they are quicker."""
+        """Visibility of all `facets` of the moving surfaces at several `times` [s], with their `vertices` (vertex, 3)
+        [m] at each; `rays` is the ray scene at any time.
+
+        `places` (facet, 3) are those of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.shared_vertices`. `share`
+        (surface,) is a factor on the allowed return of culled facets (:mod:`rfgen_sionna.tracing.moving.culling`); None
+        culls none. Otherwise times do not influence one another.
+        """
         facing = [self._facing(each) for each in facets]
         if share is None or not share.any():
             return self._at_all_times(rays, facets, places, times, vertices, facing)
@@ -147,7 +146,7 @@ class MovingVisibility:
         vertices: Sequence[Sequence[FloatArray]],
         facing: Sequence[FacingFacets],
     ) -> list[VisibleFacets]:
-        """:meth:`__call__` of those `facing`, as many times at once as there may be."""
+        """:meth:`__call__` of `facing` facets, in batches of times."""
         self._silhouette_rays.clear()
         step, found = times_at_once(rays.num_facets, self._viewpoint, vertices[0]), list[VisibleFacets]()
         for first in range(0, len(facets), step):
@@ -165,7 +164,7 @@ class MovingVisibility:
         vertices: Sequence[Sequence[FloatArray]],
         sampled: Sequence[FacingFacets],
     ) -> tuple[list[VisibleFacets], list[SilhouetteRays]]:
-        """:meth:`__call__` at once of what is to be `sampled` at, and the rays that just pass outlines."""
+        """Visibility of the `sampled` facets of one batch of times, and the silhouette rays."""
         count, surfaces = len(facets), len(self._surfaces.moving)
         offsets = [[points - self._viewpoint for points in there] for there in vertices]
         turned = [
@@ -217,8 +216,8 @@ class MovingVisibility:
         return every_seen, silhouette_rays
 
     def _hiding(self, turned: Sequence[NDArray[np.bool_]], offsets: Sequence[FloatArray]) -> NDArray[np.intp]:
-        """The moving faces that a ray from the viewpoint may come to first: of what looks outward and is not around it
-        those that look at it, `turned` (face,) that way."""
+        """Moving faces that a ray from the viewpoint may hit first: of closed surfaces not around it only those that
+        face it."""
         found, first = [np.zeros(0, np.intp)], 0
         for surface, towards, points in zip(self._surfaces.moving, turned, offsets, strict=True):
             found.append(first + np.flatnonzero(towards | ~surface.outward | _surrounds(points)))
@@ -226,9 +225,8 @@ class MovingVisibility:
         return np.concatenate(found)
 
     def occluders(self, rays: RayScene, vertices: Sequence[Sequence[FloatArray]], corners: FloatArray) -> Occluders:
-        """What may hide some facets at several times, at which the moving surfaces have their `vertices` (vertex, 3)
-        [m] and the facets their `corners` (time, facet, 3, 3) [m]: of what comes before them, the faces that a ray may
-        come to first then. `rays` is the ray scene at any time."""
+        """Occluders of facets with `corners` (time, facet, 3, 3) [m] at several times, with `vertices` (vertex, 3) [m]
+        of each moving surface; `rays` is the ray scene at any time."""
         offsets = [[points - self._viewpoint for points in there] for there in vertices]
         placed = [np.concatenate([np.zeros((0, 3)), *there]) for there in offsets]
         found = possible_occluders(rays.moving_faces, placed, corners - self._viewpoint)
@@ -243,10 +241,9 @@ class MovingVisibility:
     def resample(
         self, occluders: Occluders, facets: Facets, places: IntArray, silhouette: FloatArray, level: FloatArray
     ) -> VisibleFacets:
-        """What is seen at several times of some facets, all of which face the radar: `places` (facet, 3), so much
-        `silhouette` (facet,) [rad] falls on each, and `level` (surface,) is that of all facets. `facets` are those of
-        one
-        time after the other, and so is what is seen; of what is `missed`, relative to that, the largest counts."""
+        """Visibility of some `facets`, time by time, all of which face the radar, with the largest `missed` of all
+        times. `places` (facet, 3) and `silhouette` (facet,) [rad] are those of one time, `level` (surface,) that of all
+        facets."""
         near = np.flatnonzero(lengths(facets.centroids - self._viewpoint) < self._max_range)
         times, surfaces = len(facets) // len(silhouette), len(self._surfaces.moving)
         time = np.arange(times, dtype=np.int32)[:, None]
@@ -281,8 +278,8 @@ class MovingVisibility:
         least: FloatArray | float,
         times: int,
     ) -> tuple[SampledVisibility, int, FloatArray, FloatArray]:
-        """What is seen of facets that face the radar, and the guiding rays; of each of the `groups`, one surface at one
-        of so many `times`, what is missed, relative to what it may return without interfering, and that."""
+        """Sampled visibility of facets that face the radar, the number of guiding rays, and per group (one surface at
+        one of the `times`) the error relative to the incoherent sum, and that sum."""
         guided, guides = CornerVisibility(self._viewpoint, corners, number, places).visible(occluders)
         found = sample_visibility(
             occluders, self._viewpoint, corners, number, guided, self._wavenumber, self._rtol, silhouette, weight,
@@ -293,16 +290,16 @@ class MovingVisibility:
         return found, guides, np.where(level > 0, error / np.where(level > 0, level, 1.0), 0.0), level
 
     def use_silhouette_search(self, corners: Sequence[FloatArray], of_curved: NDArray[np.intp]) -> None:
-        """Let rays past outlines find light on the facets with `corners` (facet, 3, 3) [m], those of each surface, of
-        which `of_curved` are pieces of bent faces."""
+        """Search for gaps of light with silhouette rays on facets with `corners` (facet, 3, 3) [m], those of each
+        surface; `of_curved` are pieces of curved faces."""
         self._return_bounds.form(corners, of_curved)
         apart = silhouette_ray_spacing(corners, self._viewpoint, self._rtol)
         if apart != self._ray_spacing:
             self._ray_spacing, self._static = apart, None
 
     def silhouette_rays(self, t: float) -> SilhouetteRays:
-        """Rays that just pass the outlines of what moves, and of what stands before it, at one of the times [s] that
-        were looked at last."""
+        """Rays past the silhouettes of moving surfaces, and of static ones before these, at one of the latest times `t`
+        [s]."""
         return self._silhouette_rays[t]
 
     def _rays_past(
@@ -311,8 +308,7 @@ class MovingVisibility:
         offsets: Sequence[Sequence[FloatArray]],
         turned: Sequence[Sequence[NDArray[np.bool_]]],
     ) -> list[SilhouetteRays]:
-        """These rays at every time, at which vertices are at `offsets` [m] from the viewpoint and faces `turned` to
-        it."""
+        """Silhouette rays at every time, with vertices at `offsets` [m] from the viewpoint and faces `turned` to it."""
         if self._static is None:
             # Directions (ray, 3) as long as the way there (ray,) [m], and what each stands for.
             past, stands_for = static_silhouettes(self._surfaces, self._viewpoint, self._ray_spacing)
@@ -349,15 +345,14 @@ class MovingVisibility:
 
 
 def _surrounds(points: FloatArray) -> bool:
-    """Whether the viewpoint may be within something with these `points` (vertex, 3) [m], seen from there."""
+    """Whether the viewpoint may be inside a body with `points` (vertex, 3) [m] relative to it."""
     low, high = bounds(points)
     return not bool((low > 0).any() or (high < 0).any())
 
 
 def silhouette_ray_spacing(corners: Sequence[FloatArray], viewpoint: FloatArray, rtol: float) -> float:
-    """Angle [rad] between rays past an edge, so close that few of the facets with `corners` (facet, 3, 3) [m], those of
-    each surface, lie between two of them: where light through a gap crosses a facet and reaches no corner, such a ray
-    alone tells."""
+    """Angle [rad] between silhouette rays past an edge, for facets with `corners` (facet, 3, 3) [m] of each surface:
+    few facets lie between two rays, so that a ray finds a gap of light that no corner sees."""
     apart = RAY_SPACING
     for each in corners:
         if not len(each):

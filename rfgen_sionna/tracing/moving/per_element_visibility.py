@@ -1,10 +1,10 @@
-"""What pairs of elements see of moving facets from their own places.
+"""Visibility of moving facets from single elements.
 
-Shadows are cast from the array's phase centre, and strips in_cone their edges tell what pairs see more or less
-(:mod:`rfgen_sionna.tracing.shadows.boundary_edges`), to the first order. That is not enough where a surface
-returns little
-but for the corners of its shadow, where an edge falls far aside of the centre's, and where the centre sees none at all
-yet. There each pair looks for itself: at points that both its elements see.
+Shadows are sampled from the phase centre; the shadow-boundary correction
+(:mod:`rfgen_sionna.tracing.shadows.boundary_edges`) accounts for the element pairs to first order. That does not
+suffice where a surface returns little except at the corners of its shadow, where a boundary falls far from that of the
+phase centre, or where the phase centre sees none. There each pair is sampled itself: at points visible from both
+elements.
 """
 
 from __future__ import annotations
@@ -33,20 +33,19 @@ from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
 
 MAX_REPRESENTATIVE_PAIRS = 12
-"""Pairs by which it is told whether all others have to look for themselves, at most."""
+"""Largest number of pairs that decide for all others."""
 MAX_LANES = 60_000
-"""Facets and pairs that are looked at together."""
+"""Facets times pairs per batch, which bounds the memory."""
 _LATERAL_CLEARANCE = 1.5 * RAY_CLEARANCE
-"""How high above a facet's plane, over the way there, an outline has to be that casts a shadow on it: rays pass the
-facet's own, and those of all that is convex with it, by less."""
+"""Height of a silhouette over a facet's plane, over its distance, from which it casts a shadow: silhouette rays clear
+the facet's own body by less."""
 MAX_FINER = 30.0
-"""How many times more closely shadows' edges are looked at than the tolerance asks for, at most, where facets cancel
-one another."""
+"""Largest factor on the accuracy of shadow boundaries where facets cancel one another."""
 
 
 class _ElementOccluders:
-    """What hides points from sets of places, `ends` (set, place, 3) [m], by the facets' numbers: those of the ray scene
-    and, times the number of its facets, the set."""
+    """Occluders between points and the positions `ends` (set, position, 3) [m]; facet numbers are those of the ray
+    scene plus its number of facets times the set."""
 
     def __init__(self, rays: RayScene, ends: FloatArray) -> None:
         self._rays, self._ends = rays, ends
@@ -59,27 +58,14 @@ class _ElementOccluders:
         moving: bool = False,
         bundled: bool = False,
     ) -> PointVisibility:
-        """Points that all places of a set have to see, whatever the viewpoint."""
+        """Points to be seen from all positions of a set; the viewpoint is not used."""
         of, own = np.divmod(facets, self._rays.num_facets)
         return self._rays.targets(self._ends[of], corners, own, moving, bundled)
 
 
 class PerElementSampler:
-    """Looks at facets from the places of pairs.
-
-    Parameters
-    ----------
-    surfaces
-        All that there are.
-    tx, rx
-        (element, 3) places [m].
-    viewpoint
-        (3,) the phase centre [m].
-    wavenumber
-        At the highest frequency [rad/m].
-    rtol
-        Tolerance of what all facets of a lot return.
-    """
+    """Samples facets from pairs of the elements at `tx` and `rx` (element, 3) [m], for a phase centre `viewpoint` (3,)
+    [m], the `wavenumber` at the highest frequency [rad/m] and a tolerance `rtol` of a tolerance group."""
 
     def __init__(
         self, surfaces: Surfaces, tx: FloatArray, rx: FloatArray, viewpoint: FloatArray, wavenumber: float, rtol: float
@@ -96,17 +82,17 @@ class PerElementSampler:
 
     @property
     def pairs(self) -> NDArray[np.intp]:
-        """All of them."""
+        """Indices of all pairs."""
         return np.arange(len(self._tx) * len(self._rx))
 
     @cached_property
     def _outermost(self) -> NDArray[np.intp]:
-        """Elements, first all Tx, of the pairs that tell of all others."""
+        """Elements of the representative pairs, all Tx first."""
         tx, rx = np.divmod(self.representative(), len(self._rx))
         return np.unique(np.concatenate([tx, len(self._tx) + rx]))
 
     def representative(self) -> NDArray[np.intp]:
-        """Pairs that tell of all others, those that see most differently: each is the furthest from those before."""
+        """Pairs with the most different visibility: each is the one furthest from those before."""
         tx, rx = (each - self._viewpoint for each in (self._tx, self._rx))
         both = np.concatenate([np.repeat(tx, len(rx), axis=0), np.tile(rx, (len(tx), 1))], axis=1)
         found, distance = list[int](), np.linalg.norm(both, axis=1)
@@ -119,10 +105,8 @@ class PerElementSampler:
     def shadowed_surfaces(
         self, silhouette_rays: SilhouetteRays, visible: VisibleFacets, surfaces: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """(surface,) on which of the `surfaces` (surface,), of which facets are `visible`, shadows' edges fall as the
-        outermost elements see them, where the phase centre sees one and where it sees none, by rays `silhouette_rays`
-        outlines
-        of other things from there."""
+        """(surface,) whether a shadow boundary falls on each of the `surfaces` (surface,) for an outermost element, by
+        `silhouette_rays` past other bodies from the phase centre; `visible` is the visibility from there."""
         found, facets = np.zeros(len(surfaces), np.bool_), visible.facets
         elements = np.concatenate([self._tx, self._rx])[self._outermost]
         chosen = np.flatnonzero((visible.weight > 0) & surfaces[facets.surface])
@@ -160,14 +144,12 @@ class PerElementSampler:
         pairs: NDArray[np.intp],
         level: FloatArray,
     ) -> PerElementSamples:
-        """What some `pairs` see of the `surfaces` (surface,) that the phase centre has `visible`.
+        """Visibility of some `surfaces` (surface,) from the `pairs`, where that of the phase centre is `visible`.
 
-        `rays` is the ray scene as it is then, with the `vertices` (vertex, 3) [m] of all moving surfaces, and `places`
-        (facet, 3) are those of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.touching`. By its `cancellation`
-        (surface,)
-        a surface's facets cancel one another; flat ones, which may do so to the last digit, are searched for edges and
-        looked at the more closely. `level` (surface,) is what errors are relative to, as :attr:`VisibleFacets.level`
-        where most is seen.
+        `rays` is the ray scene at the time, with the `vertices` (vertex, 3) [m] of all moving surfaces; `places`
+        (facet, 3) are those of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.shared_vertices`. Flat surfaces,
+        which may cancel completely, are sampled more finely by their `cancellation` (surface,). `level` (surface,) is
+        the reference of errors, as :attr:`VisibleFacets.level` at best visibility.
         """
         facets, ends = visible.facets, np.stack([pairs // len(self._rx), len(self._tx) + pairs % len(self._rx)])
         sampled_facets = (visible.weight > 0) & surfaces[facets.surface]
@@ -218,9 +200,9 @@ class PerElementSampler:
         rtol: float,
         search: bool,
     ) -> tuple[PerElementVisibility, FloatArray, int]:
-        """What the `pairs` (pair,) see of the `chosen` facets, with elements at both `ends` (2, pair), what is missed
-        of each lot, relative to its `level` (lot,), and the rays sent. The others are those of :meth:`_guided`, and of
-        :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.sample_visibility`."""
+        """Visibility of the `chosen` facets from the `pairs` (pair,) with elements `ends` (2, pair), the error of each
+        tolerance group relative to its `level` (group,), and the number of rays; further arguments as of
+        :meth:`_guided`."""
         facets, groups_of_all, elements = visible.facets, len(level), np.concatenate([self._tx, self._rx])
         of, facet = np.repeat(np.arange(len(pairs)), len(chosen)), np.tile(chosen, len(pairs))
         group = self._tolerance_group[facets.surface[facet]] + groups_of_all * of
@@ -251,9 +233,8 @@ class PerElementSampler:
         chosen: NDArray[np.intp],
         ends: NDArray[np.intp],
     ) -> tuple[NDArray[np.bool_], FloatArray, int]:
-        """(element, chosen, 3) whether elements, first all Tx, see the corners of the `chosen` facets, (element,
-        chosen) length of outlines that fall on these [rad], of those elements that are `ends` (2, pair) of
-        pairs, and the rays sent."""
+        """(element, chosen, 3) whether elements, all Tx first, see the corners of the `chosen` facets; (element,
+        chosen) length of silhouettes on these [rad], of the elements `ends` (2, pair); and the number of rays."""
         elements, used = np.concatenate([self._tx, self._rx]), np.unique(ends)
         corners, number = np.take(facets.corners, chosen, axis=0), facets.number[chosen]
         light = np.zeros((len(elements), len(chosen), 3), np.bool_)
@@ -287,8 +268,8 @@ class PerElementSampler:
         return light, silhouette, sent
 
     def _rays_past_static(self, element: int, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rays from an element, first all Tx, that just pass outlines of what stays before some `points` (point, 3) [m]
-        seen from there, and what each stands for. As the element itself sees them: in the points' own cone."""
+        """Silhouette rays past static surfaces from an element, all Tx first, in the cone of `points` (point, 3) [m]
+        relative to it, and their spans."""
         end, far = np.concatenate([self._tx, self._rx])[element], lengths(points)
         ways = points / np.maximum(far, 1e-12)[:, None]
         axis = unit(ways.mean(axis=0))
@@ -315,14 +296,13 @@ class PerElementSampler:
 
     @cached_property
     def _boxes(self) -> list[tuple[FloatArray, FloatArray]]:
-        """Least and largest coordinates [m] of all that stays."""
+        """Least and largest coordinates [m] of each static surface."""
         return [(each.min(axis=0), each.max(axis=0)) for each in self._surfaces.static_vertices]
 
 
 def _shadow_reaches(edges: FloatArray, span: FloatArray, corners: FloatArray, element: FloatArray) -> bool:
-    """Whether the shadow of an outline, of which there are points `edges` (point, 3) [m] that stand for a length `span`
-    (point,) [rad] each, falls on one of the facets with `corners` (facet, 3, 3) [m] as an `element` (3,) [m] sees it;
-    all from the same viewpoint."""
+    """Whether the shadow of a silhouette with points `edges` (point, 3) [m] of length `span` (point,) [rad] falls on a
+    facet with `corners` (facet, 3, 3) [m], for an `element` (3,) [m]; all relative to one viewpoint."""
     a, b, c = np.moveaxis(corners - element, 1, 0)
     normal = np.cross(b - a, c - a)
     ways = edges - element

@@ -1,7 +1,7 @@
-"""At how many instants gains and visibility are traced, so that splines through them follow a stretch of time.
+"""Sample times: times at which gains and visibility are traced, so that splines follow an interval.
 
-What a spline misses is reckoned with the faces of the meshes before anything is traced: without the phase of its middle
-a flat face returns the mean phasor over its surface, which has a closed form, and splines go through that.
+The error of splines is estimated with the faces of the meshes before any trace. Without the phase of its centre, a flat
+face returns the mean phasor over its area, in closed form.
 """
 
 from __future__ import annotations
@@ -22,33 +22,33 @@ from rfgen_sionna.tracing.surface.facet_positions import mean_phasor, solid_angl
 from rfgen_sionna.tracing.surface.resolution import FACET_BULGE, phase_bulge
 
 QUIET_SPACING, QUIET_TURN = 14e-3, 20e-3
-"""Longest gap between three instants [s], and how far at most any vertex goes across the view in it [rad]: no further
-than an arm is wide 4 m away. What is narrower, or further off, may pass between two of them unseen."""
+"""Largest gap between three times [s], and largest angle of any vertex across the line of sight per gap [rad]: the
+width of an arm at 4 m."""
 PAIR_SPACING, PAIR_TURN, STRAIGHT = 28e-3, 10e-3, 1e-4
-"""The same of two instants, and how far at most any vertex leaves its straight way from one to the other, across the
-view [rad]: what comes back would show and hide things that neither sees."""
+"""The same of two times, and largest departure of any vertex from a straight way between them [rad], as a return motion
+would hide shadows from both."""
 STRONGEST, OTHERS = 500, 250
-"""Faces of a mesh that tell how gains change, those that may return most, and so many that stand for all others."""
+"""Faces of a mesh whose gains are compared: the strongest ones, and representatives of all others."""
 MANY_FACES = 10_000
-"""Faces of a mesh of which one pose tells which are strong, as it takes as long as all else."""
+"""Faces of a mesh above which a single pose decides which faces are strong, to save time."""
 MARGIN = 1.5
-"""Stated error over that of the faces: what frames of people miss is 0.4 to 2.1 times theirs, 1.0 in the median."""
+"""Stated error over that of the faces: the measured error of people is 0.4 to 2.1 times the latter."""
 CANCELLING_SHARE = 0.25
-"""Share of the tolerance where mirrors and slabs show bodies from elsewhere, who may turn faster seen from there."""
+"""Share of the tolerance with indirect paths, from whose aspect bodies may turn faster."""
 _TRIED, _MOST_TRIED = 4, 400
-"""Times per gap at which splines are tried, and at most, but for more gaps and knots."""
+"""Test times per gap and largest number of them, more with more gaps and knots."""
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _LOG = logging.getLogger(__name__)
 
 
 class SampleTimes(NamedTuple):
-    """When gains are traced."""
+    """Sample times and their error."""
 
     times: FloatArray
-    """(instant,) evenly spaced [s]"""
+    """(time,) evenly spaced [s]."""
     error: float
-    """Estimated error of the return between them for gains that turn with the body, relative to that of the worst mesh
-    [root mean square over time]."""
+    """Estimated error of the return between them for turning faces, relative to that of the worst mesh [root mean
+    square over time]."""
 
 
 def choose_sample_times(
@@ -64,33 +64,27 @@ def choose_sample_times(
     pair: bool = False,
     cancellation: FloatArray | None = None,
 ) -> SampleTimes:
-    """As few evenly spaced instants as follow the gains to a tolerance.
+    """The smallest number of evenly spaced times for which splines follow the gains.
 
     Parameters
     ----------
-    positions
-        Time [s] to the (vertex, 3) positions [m] of each mesh; called at the `knots`.
-    faces
-        (face, 3) of each mesh.
-    closed
-        Whether each mesh is seen from outside alone: then faces that look away tell nothing.
+    positions, faces, closed
+        Time [s] to the (vertex, 3) positions [m] of each mesh, its (face, 3), and whether its back faces do not count.
     viewpoint
         (3,) phase centre of the radar [m].
     knots
-        (knot,) of :func:`rfgen_sionna.tracing.moving.knots.choose_knots` [s], between which splines follow each vertex.
-    frequency
-        Highest frequency of the band [Hz].
-    tolerance
-        Allowed error relative to the return [root mean square over time].
+        (knot,) of :func:`rfgen_sionna.tracing.moving.knots.choose_knots` [s].
+    frequency, tolerance
+        Highest frequency of the band [Hz]; allowed error relative to the return [root mean square over time].
     max_spacing
-        Longest gap [s], but of :data:`QUIET_SPACING` where three instants do, and of :data:`PAIR_SPACING` where two do.
+        Largest gap [s] of four times or more; that of three and two is :data:`QUIET_SPACING` and :data:`PAIR_SPACING`.
     indirect
-        Whether mirrors or slabs show the meshes as well: then there are four instants at least, as what they show is
-        not looked at between instants.
+        Whether mirrors or slabs show the meshes: then four times at least, as indirect paths have no temporal
+        refinement.
     pair
-        Whether two instants may do: nothing is left out then to tell what shadows that pass in between change.
+        Whether two times may suffice, from which no time can be left out to test moving shadows.
     cancellation
-        (mesh,) by how much each one's error is larger than faces tell that know nothing of one another; None is 1.
+        (mesh,) factor on each mesh's error; None is 1.
     """
     if len(knots) == 1:
         return SampleTimes(knots, 0.0)
@@ -134,7 +128,7 @@ def choose_sample_times(
 
 
 class _RepresentativeFaces:
-    """Faces of a mesh that tell for all of it, with its `vertices` (vertex, 3) [m] at evenly spaced times."""
+    """Representative faces of a mesh with `vertices` (vertex, 3) [m] at evenly spaced times."""
 
     def __init__(
         self, vertices: Sequence[FloatArray], faces: IntArray, closed: bool, viewpoint: FloatArray, frequency: float
@@ -160,12 +154,13 @@ class _RepresentativeFaces:
         self._phases = wavenumber * np.stack([self._away(each[ends] - viewpoint) for each in vertices])
 
     def _away(self, corners: FloatArray) -> FloatArray:
-        """(corner, face) distances [m] of the corners of these pieces, of faces with `corners` (face, 3, 3) [m]."""
+        """(corner, face) distances [m] of the corners of the faces' middle pieces, of faces with `corners` (face, 3, 3)
+        [m]."""
         inner = triangle_centroids(corners)[:, None]
         return lengths(inner + self._share[:, None, None] * (corners - inner)).T
 
     def missed(self, gaps: int) -> float:
-        """Error of a spline with so many `gaps`, of all faces side by side."""
+        """Error of a spline with `gaps` gaps, of the incoherent sum of the faces."""
         if not len(self._size):
             return 0.0
         # At more times than there are knots and gaps, and evenly in step with nothing that vibrates.
@@ -179,7 +174,7 @@ class _RepresentativeFaces:
         return float(np.sqrt(error / energy)) if energy > 0 else 0.0
 
     def _gains(self, times: FloatArray) -> ComplexArray:
-        """(time, face) gains at `times`, 0 … 1 over the stretch."""
+        """(time, face) gains at `times`, 0 … 1 over the interval."""
         weights = knot_weights(np.linspace(0.0, 1.0, len(self._phases)), times)
         phases = np.moveaxis(np.tensordot(weights, self._phases, 1), 1, 0)
         return np.asarray(self._size * _mean_phasor(_turned(phases)))
@@ -188,8 +183,8 @@ class _RepresentativeFaces:
 def _estimated_returns(
     vertices: FloatArray, faces: IntArray, viewpoint: FloatArray, wavenumber: float
 ) -> tuple[FloatArray, FloatArray]:
-    """(face,) about what each returns, up to a factor that all share, and its solid angle [sr], below zero where it
-    looks away; of faces (face, 3) with their `vertices` (vertex, 3) [m]."""
+    """(face,) estimated return of each face, up to a common factor, and its solid angle [sr], negative where it faces
+    away."""
     if not len(faces):
         return np.zeros(0), np.zeros(0)
     dr, types = drjit_types()
@@ -207,7 +202,7 @@ def _estimated_returns(
 
 
 def _estimate_returns(given: dict[str, Any]) -> None:
-    """The kernel of :func:`_estimated_returns`."""
+    """Kernel of :func:`_estimated_returns`."""
     dr, types = drjit_types()
     Float, UInt32, lane = types.Float64, types.UInt32, given["lanes"]
     radar = [dr.gather(Float, given["radar"], UInt32(k)) for k in range(4)]
@@ -229,13 +224,13 @@ _ESTIMATED_RETURNS = FrozenKernel(_estimate_returns)
 
 
 def _turned(phases: FloatArray) -> FloatArray:
-    """(corner, ..., face) `phases` [rad] against those of the middle."""
+    """(corner, ..., face) `phases` [rad] relative to those of the centre."""
     return np.asarray(phases - (phases[0] + phases[1] + phases[2]) / 3.0)
 
 
 def _mean_phasor(phases: FloatArray) -> ComplexArray:
-    """(..., face) mean of exp(-j phi) over faces on which the phase phi is linear, with `phases` (corner, ..., face)
-    [rad]: twice a divided difference (:mod:`rfgen_sionna.tracing.integral.simplex`), here in its plainest form."""
+    """(..., face) mean of exp(-jφ) over faces with a linear phase φ and corner `phases` (corner, ..., face) [rad]:
+    twice a divided difference (:mod:`rfgen_sionna.tracing.integral.simplex`)."""
     a, b, c = np.sort(phases, axis=0)
     first, last = (np.exp(-0.5j * (x + y)) * np.sinc((y - x) / (2 * np.pi)) for x, y in ((a, b), (b, c)))
     spread = c - a
@@ -245,8 +240,8 @@ def _mean_phasor(phases: FloatArray) -> ComplexArray:
 
 
 def _most_departure(places: Sequence[Sequence[FloatArray]], viewpoint: FloatArray) -> float:
-    """Largest angle [rad] across the view by which any vertex leaves the straight way from the first of the evenly
-    spaced `places` to the last."""
+    """Largest angle [rad] across the line of sight between any vertex and the straight way from the first to the last
+    of the evenly spaced `places`."""
     found, count = 0.0, len(places) - 1
     for number, there in enumerate(places[1:-1], 1):
         share = number / count
@@ -256,7 +251,7 @@ def _most_departure(places: Sequence[Sequence[FloatArray]], viewpoint: FloatArra
 
 
 def _across(offset: FloatArray, step: FloatArray) -> float:
-    """Largest angle [rad] by which a `step` (vertex, 3) goes across the view of points at `offset` (vertex, 3)."""
+    """Largest angle [rad] of a `step` (vertex, 3) across the line of sight, at `offset` (vertex, 3)."""
     square = np.maximum(np.einsum("vi,vi->v", offset, offset), 1e-12)
     along = np.einsum("vi,vi->v", offset, step) / square
     across = np.einsum("vi,vi->v", step, step) / square - along**2
@@ -264,7 +259,7 @@ def _across(offset: FloatArray, step: FloatArray) -> float:
 
 
 def _most_turn(places: Sequence[Sequence[FloatArray]], viewpoint: FloatArray) -> float:
-    """Largest angle [rad] that any vertex goes across the view from one of the `places` to the next."""
+    """Largest angle [rad] of any vertex across the line of sight from one of the `places` to the next."""
     found = 0.0
     for before, after in pairwise(places):
         for old, new in zip(before, after, strict=True):

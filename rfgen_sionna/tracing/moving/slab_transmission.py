@@ -1,7 +1,7 @@
-"""What slabs let through beside the edges of their shadows, which each pair of elements sees elsewhere
+"""Transmission of slabs beside the boundaries of their shadows, which each element pair sees elsewhere
 (:mod:`rfgen_sionna.tracing.shadows.boundary_edges`).
 
-A ray to a point that lies a little within the shadow tells which slabs are on the way there, one after the other.
+A ray to a point slightly within the shadow finds the slabs on the way.
 """
 
 from __future__ import annotations
@@ -25,27 +25,16 @@ from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.transmission.transmission import Transmission
 
 _WITHIN = 0.5
-"""How far within the shadow rays go, over the way from the phase centre's edge to that of the outermost element, ..."""
+"""Depth of the ray's target within the shadow, over the shift of the boundary at the outermost element."""
 _SURELY = (0.02, 0.1, 0.4)
-"""... but so much of a facet's height at least, as far as its edge may not be where it is taken to be: further where
-the ray before found nothing in its way."""
+"""Smallest depths over the facet's height, as the boundary is uncertain; the next one where a ray meets no slab."""
 _MAX_EXTRAPOLATION = 0.3
-"""... and no more than this share of the way there: it is as much nearer than the facet's plane."""
+"""Largest depth over the distance, as the target lies that much before the facet's plane."""
 _COLUMNS = 2 * 2 * len(PROBES)
 
 
 class SlabTransmission:
-    """Tells what comes through beside shadows' edges.
-
-    Parameters
-    ----------
-    veils
-        What can be seen through.
-    band
-        The radar's.
-    only
-        These surfaces are gone through; None is all.
-    """
+    """Finds the transmission beside shadow boundaries, of the surfaces `only`; None allows all."""
 
     def __init__(self, transmission_tracer: Transmission, band: BandTracer, only: Sequence[int] | None = None) -> None:
         self._transmission_tracer, self._band, self._only = transmission_tracer, band, only
@@ -59,12 +48,10 @@ class SlabTransmission:
         pieces: FloatArray,
         occluder: FloatArray,
     ) -> tuple[FloatArray, int]:
-        """`occluder` (piece, 4) of :class:`rfgen_sionna.tracing.shadows.adaptive_sampling.Sampled`, followed by what
-        comes through
-        the slabs that cast the shadows (piece, 12): :attr:`rfgen_sionna.tracing.shadows.boundary_edges.Edges.through`,
-        real
-        and imaginary parts in turn; and the number of rays sent. `owner` and `pieces` are those of the `facets` there
-        as well, and `vertices` (vertex, 3) [m] those of all surfaces in the `rays`."""
+        """`occluder` (piece, 4) of :class:`rfgen_sionna.tracing.shadows.adaptive_sampling.SampledVisibility` with the
+        transmission of the slabs that cast the shadows appended (piece, 12),
+        :attr:`rfgen_sionna.tracing.shadows.boundary_edges.Edges.through` as real and imaginary parts in turn; and the
+        number of rays. `vertices` (vertex, 3) [m] are those of all surfaces."""
         edged = np.flatnonzero(occluder[:, 0] < 1.0)
         if not len(edged):
             return _appended(occluder, np.zeros((len(owner), _COLUMNS))), 0
@@ -104,14 +91,13 @@ class SlabTransmission:
     def with_transmission(
         self, rays: RayScene, vertices: Sequence[FloatArray], visible: VisibleFacets
     ) -> VisibleFacets:
-        """What is `visible`, with that."""
+        """The same visibility with the transmission."""
         occluder, sent = self(rays, vertices, visible.facets, visible.owner, visible.pieces, visible.occluder)
         return replace(visible, occluder=occluder, rays=visible.rays + sent)
 
     def _coefficients(self, crossed: NDArray[np.int64], normals: FloatArray, k: FloatArray) -> ComplexArray:
-        """(way, 2, probe) what gets through the slabs `crossed` (way, depth) with `normals` (way, depth, 3) along unit
-        vectors `k` (way, 3), once and twice, of waves with the elements' polarisations to something metal that looks at
-        them."""
+        """(way, 2, probe) coefficients of the slabs `crossed` (way, depth) with `normals` (way, depth, 3) along unit
+        vectors `k` (way, 3), one-way and two-way, of the elements' polarisations towards metal at normal incidence."""
         found, table = np.ones((len(k), 2, len(PROBES)), np.complex128), self._transmission_tracer.table
         for slab, normal in zip(crossed.T, normals.transpose(1, 0, 2), strict=True):
             across = np.cross(k, normal)
@@ -148,8 +134,8 @@ def interpolate_transmission(
     known: Sequence[VisibleFacets],
     viewpoint: FloatArray,
 ) -> VisibleFacets:
-    """What is `found` at some `times` [s], facets of one after those of the other, with what slabs let through there,
-    as of the nearest edge that is `known` at the nearest of the `sample_times` [s]; if that is known of them."""
+    """Visibility at `times` [s], time by time, with the transmission of the nearest boundary that is `known` at the
+    nearest of the `sample_times` [s], if any."""
     if known[0].occluder.shape[1] == found.occluder.shape[1]:
         return found
     through, edged = np.zeros((len(found.owner), _COLUMNS)), found.occluder[:, 0] < 1.0
@@ -164,7 +150,7 @@ def interpolate_transmission(
 
 
 def _places(visible: VisibleFacets, edges: NDArray[np.intp], viewpoint: FloatArray) -> FloatArray:
-    """(edge, 4) where edges are, and how far off what casts the shadow is [m]."""
+    """(edge, 4) positions of boundaries and distances of their occluders [m]."""
     middle = 0.5 * visible.pieces[edges, 1:].sum(axis=1)
     places = np.einsum("ec,eci->ei", middle, np.take(visible.facets.corners, visible.owner[edges], axis=0)) - viewpoint
     return np.column_stack([places, visible.occluder[edges, :2].mean(axis=1) * lengths(places)])

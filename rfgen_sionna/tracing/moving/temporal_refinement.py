@@ -1,13 +1,13 @@
-"""Glances between instants at facets that shadows' edges pass over.
+"""Temporal refinement: additional times for facets that a shadow boundary crosses, and the time error of moving
+shadows.
 
-Gains are splines through instants. Where the edge of a shadow moves over a facet, above all over a large one seen
-aslant, its gain changes with the wavelengths that the edge passes and not with the turns of the body: in a walking
-person a few facets of thousands, behind the arm that swings. By how much splines miss them between instants is told by
-leaving each instant out in turn. Those that matter are looked at in between as well, and go by paths of their own.
+Gains are splines through the sample times. Where a shadow boundary moves over a facet, above all a large oblique one,
+its gain changes with the wavelengths that the boundary passes. Leaving out each sample time in turn measures the error.
+Facets that matter are sampled at additional times and have paths of their own.
 
-Instants tell of edges that they see. What hides a facet for less than the time between two of them, a rod of 2 cm at
-1.5 m/s, may be missed by all; and what ghosts and slabs show of actors follows its instants alone. Of what actors hide
-of the static scene :mod:`rfgen_sionna.tracing.static.static_refinement` takes care.
+Only shadow boundaries at a sample time are found: an occluder that passes a facet between two of them is missed. Ghosts
+and paths through slabs have no refinement. :mod:`rfgen_sionna.tracing.static.static_refinement` refines shadows on the
+static scene.
 """
 
 from __future__ import annotations
@@ -47,33 +47,33 @@ from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 
 BETWEEN_PER_RTOL = 3.0
-"""What a return may err by between instants for shadows that move on, relative to itself [root mean square over time],
-per unit of the tolerance: as much as for gains that turn with the body."""
+"""Allowed error of a return between sample times for moving shadows, relative to itself [root mean square over time],
+per unit of the tolerance: as for turning faces."""
 MAX_SUBDIVISIONS = 8
-"""Times from one instant to the next, at most; twice as many from the first of three to the second."""
+"""Largest number of times per gap between sample times; twice as many between three sample times."""
 _CHOSEN_SHARE = 0.7
-"""Share of that which facets that are looked at in between may err by, and the others."""
+"""Share of the allowed error for refined facets, and for the others."""
 MIN_SAMPLE_TIMES = 3
-"""Instants that tell anything."""
+"""Smallest number of sample times of which one can be left out."""
 
 
 class RefinementChoice(NamedTuple):
-    """Facets to be looked at between instants."""
+    """Facets to refine."""
 
     facets: NDArray[np.intp]
     """(chosen,) ascending."""
     rounds: int
-    """Times from one instant to the next."""
+    """Times per gap between sample times."""
     rest: FloatArray
-    """(surface,) estimated error of all others between instants."""
+    """(surface,) estimated error of all others between sample times."""
     level: FloatArray
-    """(surface,) return that errors are relative to."""
+    """(surface,) reference level of errors."""
     width: FloatArray
-    """(chosen,) phase between the ends of each facet, both ways [rad]."""
+    """(chosen,) two-way phase between the ends of each facet [rad]."""
 
     def error(self, followed: FloatArray | float = 0.0) -> float:
-        """Estimated relative error between times of the worst surface, of which the chosen facets have the energy
-        `followed` (surface,)."""
+        """Estimated relative time error of the worst surface, if the refined facets miss the energy `followed`
+        (surface,)."""
         energy = self.rest**2 + followed
         return float(np.sqrt(energy / np.where(self.level > 0, self.level, np.inf) ** 2).max(initial=0.0))
 
@@ -90,30 +90,13 @@ def choose_refinement(
     most: int = MAX_SUBDIVISIONS,
     unfollowed: ComplexArray | None = None,
 ) -> RefinementChoice:
-    """Choose facets that splines through the instants miss most of, where all that edges pass over miss more than the
-    tolerance.
+    """Choose the facets with the largest spline errors, where moving shadows exceed the tolerance.
 
-    Parameters
-    ----------
-    gains, phasors
-        (facet, instant) of one pair at one frequency, antennas included, and of the propagation, at `MIN_SAMPLE_TIMES`
-        or more evenly spaced instants.
-    shares
-        (facet, instant) of the area that is seen.
-    width
-        (facet,) phase between the ends of each facet, both ways [rad].
-    steady
-        (facet,) whether a facet faces the radar all the time; others are not chosen.
-    surface
-        (facet,) position in the list of surfaces.
-    level
-        (surface,) return that errors are relative to.
-    rtol
-        Relative tolerance.
-    most
-        Times from one instant to the next, at most.
-    unfollowed
-        (inner instant,) what is missed of others of the only surface there is, which are not to be chosen.
+    `gains` (facet, time), those of one pair at one frequency with antennas, and propagation `phasors` (facet, time) are
+    at `MIN_SAMPLE_TIMES` or more evenly spaced times; `shares` (facet, time) are visible fractions; `width` (facet,) is
+    the two-way phase between the ends of each facet [rad]; `steady` (facet,) whether it faces the radar all the time,
+    as others are not chosen. `level` (surface,) is the reference level of errors, `most` the largest number of times
+    per gap, `unfollowed` (inner time,) the error of other facets of the only surface, which are not to be chosen.
     """
     chosen, rounds, rest = [np.zeros(0, np.intp)], 1, np.zeros(len(level))
     missed = np.where(has_shadow_edge(shares)[:, None], leave_one_out(gains), 0.0)
@@ -154,12 +137,12 @@ def choose_refinement(
 def moved_shadow_returns(
     first: VisibleFacets, last: VisibleFacets, viewpoint: FloatArray, wavenumber: float, tolerance_group: IntArray
 ) -> FloatArray:
-    """(surface,) how much of what each `tolerance_group` (surface,) returns without interfering may come or go from
-    one instant to
-    the next for shadows' edges that move on: what facets may return when an edge cuts them, by the share that changes,
-    side by side. Where all edges go one way a line between both misses half of that at most; what comes back, or passes
-    a facet as a whole in between, is not told (`STRAIGHT` and `PAIR_TURN` of
-    :mod:`rfgen_sionna.tracing.moving.sample_times` keep it small)."""
+    """(surface,) change of the return of each `tolerance_group` (surface,) between two times for moving shadows,
+    relative to its incoherent sum: largest return of a cut facet times the change of its visible fraction.
+
+    A line between both times misses half of that at most, if all boundaries move one way; `STRAIGHT` and `PAIR_TURN` of
+    :mod:`rfgen_sionna.tracing.moving.sample_times` bound other motions.
+    """
     chosen = np.flatnonzero((first.fraction > 0) | (last.fraction > 0))
     facets = first.facets
     most, cut, _ = max_returns(np.take(facets.corners, chosen, axis=0) - viewpoint, wavenumber)
@@ -175,35 +158,35 @@ def moved_shadow_returns(
 
 
 def max_subdivisions(sample_times: int, most: int = MAX_SUBDIVISIONS) -> int:
-    """Times from one to the next of so many instants, at most: `most`, twice as many of those further apart."""
+    """Largest number of times per gap: `most`, twice as many between three sample times or fewer."""
     return most if sample_times - 1 > QUIET_GAPS else 2 * most
 
 
 def fine_times(sample_times: FloatArray, rounds: int) -> FloatArray:
-    """(time,) `rounds` of them from each of the evenly spaced `sample_times` [s] to the next, which are among them."""
+    """(time,) `rounds` times per gap of the evenly spaced `sample_times` [s], which are among them."""
     part = np.arange(rounds) / rounds  # those of twice as many hold these to the bit
     between = sample_times[:-1, None] + part * np.diff(sample_times)[:, None]
     return np.append(between, sample_times[-1])
 
 
 class RefinedGains(NamedTuple):
-    """Facets that were looked at between instants."""
+    """Gains of facets under temporal refinement."""
 
     times: FloatArray
     """(time,) [s]"""
     facets: Facets
-    """As they are at the first of them."""
+    """Facets at the first time."""
     coefficients: ComplexArray
-    """(order, tx, rx, facet, time) of a path for each."""
+    """(order, tx, rx, facet, time) of one path per facet."""
     sampled_facets: int
-    """Facets looked at, each as often as it was."""
+    """Facets times the number of times."""
     rays: int
     error: float
-    """Estimated error of all facets between the times, relative to its return, of the worst surface."""
+    """Estimated relative time error of the worst surface, all facets included."""
 
 
 class TemporalRefinement:
-    """Finds the facets whose gains splines through instants miss, and looks at them in between."""
+    """Finds the facets whose gains splines miss, and samples them at additional times."""
 
     def __init__(
         self,
@@ -230,10 +213,8 @@ class TemporalRefinement:
         expansion: Expansion,
         level: FloatArray,
     ) -> RefinementChoice:
-        """Which of the `facets` ask for it: their `values` (value, facet) at each instant, by way of the points
-        `references` (facet, 3) [m], are those of what is seen of them, with the `boundary_correction`, and `shares`
-        (facet,
-        instant) of the area; `level` (surface,) is what each surface's return usually is."""
+        """Choose from `facets` with the data of :class:`rfgen_sionna.tracing.moving.interval.ReturnedFacets` at each
+        time, `references` (facet, 3) [m] and the reference `level` (surface,)."""
         some = np.flatnonzero(has_shadow_edge(shares))
         if len(facets) < MIN_SAMPLE_TIMES or not len(some):
             return RefinementChoice(np.zeros(0, np.intp), 1, np.zeros(len(level)), level, np.zeros(0))
@@ -270,14 +251,13 @@ class TemporalRefinement:
         rays: RayScene,
         per_element: Callable[[VisibleFacets, float], VisibleFacets],
     ) -> RefinedGains:
-        """Look at the `chosen` facets, those that `followed` counts out of all that are `visible` at the
-        `sample_times` [s], until splines miss no more than the tolerance, or as often as may be.
+        """Sample the `chosen` facets, with indices `followed` among all `visible` at the `sample_times` [s], until
+        splines meet the tolerance or the limit of refinement.
 
-        `places` (facet, 3) are theirs of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.touching`; `positions`
-        and
-        `corners` give those (vertex, 3) of all moving surfaces and theirs (facet, 3, 3) [m] at a time [s], and `rays`
-        is the ray scene at one of the instants. What is seen at a time [s] is told `per_element` of pairs, where
-        that counts.
+        `places` (facet, 3) are those of :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.shared_vertices`;
+        `positions` and `corners` give (vertex, 3) of all moving surfaces and (facet, 3, 3) of the followed facets [m]
+        at a time [s]; `rays` is the ray scene at a sample time; `per_element` adds per-element visibility at a time
+        [s], where it counts.
         """
         at_instants = [each.of(followed) for each in visible]
         first, count = at_instants[0].facets, len(followed)
@@ -332,8 +312,7 @@ class TemporalRefinement:
         return RefinedGains(times, first, coefficients, sampled.sampled_facets, sampled.rays, error)
 
     def _samples(self, sampled: VisibleFacets, count: int, most: int, expansion: Expansion) -> SampledReturns:
-        """What is seen of `count` facets at several times, each by way of its centroid, at so many times at most at
-        once; as of a single instant."""
+        """Returns of `count` facets at several times, each by way of its centroid, in batches of `most` times."""
         found, boundary_correction = list[ComplexArray](), list[BoundaryCorrection]()
         for first in range(0, len(sampled.facets), most * count):
             some = sampled.of(np.arange(first, min(first + most * count, len(sampled.facets))))
@@ -353,7 +332,7 @@ class TemporalRefinement:
         return SampledReturns([], [values], [corrections], sampled_returns.missed)
 
     def _phasors(self, reference: FloatArray) -> ComplexArray:
-        """(facet, 1) of the propagation by way of the points `reference` (facet, 3) [m], as for :meth:`_first_pair_gains`."""
+        """(facet, 1) propagation phasors by way of `reference` (facet, 3) [m]."""
         return phasors(self._band.centre * self._band.delays(reference, (0, 0)))[:, None]
 
     def _first_pair_gains(
@@ -363,7 +342,7 @@ class TemporalRefinement:
         boundary_correction: Sequence[BoundaryCorrection | None],
         expansion: Expansion,
     ) -> ComplexArray:
-        """(facet, time) gains of the first pair in the middle of the band, antennas included."""
+        """(facet, time) gains of the first pair in the middle of the band, with antennas."""
         found = np.stack([expansion.weights[0, 0, 0] @ each for each in values], axis=-1)
         for k, corrections in enumerate(boundary_correction):
             if corrections is not None:

@@ -140,8 +140,8 @@ class VisibleFacets:
         return self.fraction if self.per_element is None else self.per_element.shares(self.fraction, pairs)
 
     def with_per_element(self, sampled: PerElementSamples, surfaces: NDArray[np.bool_]) -> VisibleFacets:
-        """The same with per-element visibility of some `surfaces` (surface,) instead of the shadow-boundary correction.
-        """
+        """The same with per-element visibility of some `surfaces` (surface,) in place of the shadow-boundary
+        correction."""
         occluder = np.where(surfaces[self.facets.surface[self.owner]][:, None], np.nan, self.occluder)
         visible = sampled.missed * sampled.level / np.where(self.level > 0, self.level, np.inf)
         missed = np.where(surfaces, np.hypot(self.culled, visible), self.missed)
