@@ -1,1 +1,1 @@
-"""Ghosts: returns of moving surfaces by way of plane mirrors of the static scene."""
+"""Ghosts: returns of moving surfaces via plane mirrors of the static scene."""

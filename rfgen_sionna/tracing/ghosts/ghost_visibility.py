@@ -1,4 +1,4 @@
-"""Visibility of facets by way of mirrors."""
+"""Visibility of facets via mirrors."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class PartialFacets(NamedTuple):
 
 @dataclass(frozen=True)
 class MirroredVisibility:
-    """Visible shares of facets by way of the selected mirrors at one sample time."""
+    """Visible shares of facets via the selected mirrors at one sample time."""
 
     once: FloatArray
     """(mirror, facet) share visible both directly and by the mirror."""
@@ -61,7 +61,7 @@ class MirroredVisibility:
 
 
 class GhostVisibilitySampler:
-    """Samples the visibility of moving surfaces by way of mirrors, within the range window."""
+    """Samples the visibility of moving surfaces via mirrors, within the range window."""
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class GhostVisibilitySampler:
         used: NDArray[np.bool_],
         pairs: NDArray[np.intp],
     ) -> MirroredVisibility:
-        """Visibility by way of the `selected` mirrors.
+        """Visibility via the `selected` mirrors.
 
         `fraction` (facet,) is the share visible directly; `used` (mirror, 2) marks mirrors in use on one leg and on
         both, and `pairs` (pair, 2) are mirrors used one out and the other back.
@@ -181,7 +181,7 @@ class GhostVisibilitySampler:
     def _level(
         self, facets: Facets, fraction: FloatArray, selected: NDArray[np.intp], once: FloatArray, twice: FloatArray
     ) -> FloatArray:
-        """(surface,) incoherent sum of the returns of each, directly and by way of the `selected` mirrors."""
+        """(surface,) incoherent sum of the returns of each, directly and via the `selected` mirrors."""
         direct = facets.corners - self._viewpoint
         energy = (max_returns(direct, self._wavenumber)[0] * fraction) ** 2
         for which, by_one, by_two in zip(selected, once, twice, strict=True):
@@ -197,7 +197,7 @@ class GhostVisibilitySampler:
         )
 
     def _view(self, number: NDArray[np.intp]) -> MirrorView:
-        """View of facets by way of the mirrors `number` (facet,)."""
+        """View of facets via the mirrors `number` (facet,)."""
         own, *before = (each.take(number) for each in self._planes_of)
         return SecondOrderView(own.normal, own.offset, own.mirror, own.owner, before[0]) if before else own
 

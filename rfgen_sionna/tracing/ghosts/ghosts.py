@@ -1,4 +1,4 @@
-"""Ghosts of moving surfaces by way of the flat parts of the static scene.
+"""Ghosts of moving surfaces via the flat parts of the static scene.
 
 A plane mirror makes an image of the radar; the facet integral then runs between images of elements and elements.
 Mirrors lie on the leg out, the leg back, or both, and a second-order image puts two on one leg. Levels estimated from
@@ -42,7 +42,7 @@ IMAGE_VERTICES = 2000
 
 @dataclass(frozen=True)
 class GhostVisibility:
-    """Visibility of facets by way of mirrors at one sample time."""
+    """Visibility of facets via mirrors at one sample time."""
 
     mirrors: MirroredVisibility
     second_order: MirroredVisibility | None
@@ -75,7 +75,7 @@ class Ghosts:
         self._selected: NDArray[np.intp] = np.zeros(0, np.intp)
         self._used = np.zeros((0, 2), np.bool_)
         self._pairs: NDArray[np.intp] = np.zeros((0, 2), np.intp)  # one mirror out, the other back
-        self._level = np.zeros(0)  # (mirror,) of the strongest ghost by way of it
+        self._level = np.zeros(0)  # (mirror,) of the strongest ghost via it
         self._second_order_mirrors: dict[tuple[int, int], SecondOrderImage] = {}  # cache
         self._ways: list[tuple[int, int]] = []  # in use
         self._second_order: tuple[SecondOrderImage, ...] = ()
@@ -150,7 +150,7 @@ class Ghosts:
 
     @property
     def _in_use(self) -> list[tuple[Mirror, float]]:
-        """Mirrors, and the level of the strongest ghost by way of each."""
+        """Mirrors, and the level of the strongest ghost via each."""
         own = [(self.mirrors[m], float(self._level[m])) for m in self._selected]
         return own + list(zip(self._second_order, self._second_order_level.tolist(), strict=True))
 
@@ -159,7 +159,7 @@ class Ghosts:
         return ImageBand(self._radar, self._rtol, self.mirrors, True, True)
 
     def trace_visibility(self, rays: RayScene, facets: Facets, fraction: FloatArray) -> GhostVisibility:
-        """Visibility of facets by way of the mirrors in use; `fraction` (facet,) is the share visible directly."""
+        """Visibility of facets via the mirrors in use; `fraction` (facet,) is the share visible directly."""
         second_order, count = None, len(self._second_order)
         if self._second_order_sampler is not None:
             once, none = np.tile([True, False], (count, 1)), np.zeros((0, 2), np.intp)

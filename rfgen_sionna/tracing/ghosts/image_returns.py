@@ -1,4 +1,4 @@
-"""Paths by way of mirrors, with accuracy in proportion to their level."""
+"""Paths via mirrors, with accuracy in proportion to their level."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class ImageReturns:
         self._materials = tuple(surface.material for surface in surfaces)
         self._viewpoint = np.asarray(radar.position)
         self._mirrors = mirrors
-        self._band = lru_cache(maxsize=64)(lambda mirrors, way, tolerance: band(radar, tolerance, mirrors, *way))
+        self._band = lru_cache(maxsize=64)(lambda mirrors, legs, tolerance: band(radar, tolerance, mirrors, *legs))
         self._expansions: dict[MirroredLegs, tuple[float, Expansion]] = {}
         self._missed: dict[MirroredLegs, float] = {}
         self._turn = 0
@@ -86,7 +86,7 @@ class ImageReturns:
 
     def __call__(
         self,
-        way: MirroredLegs,
+        legs: MirroredLegs,
         knots: FloatArray,
         sample_times: FloatArray,
         visible_facets: Sequence[MirroredFacets],
@@ -105,13 +105,13 @@ class ImageReturns:
         """
         middle, first, last = len(sample_times) // 2, visible_facets[0].first, visible_facets[0].last
         mirrors = self._mirrors(float(sample_times[middle]))
-        departing, arriving = self._directions(visible_facets[middle].centroids, mirrors, first, last, way)
-        probe = self._band(mirrors, way, MAX_TOLERANCE)
+        departing, arriving = self._directions(visible_facets[middle].centroids, mirrors, first, last, legs)
+        probe = self._band(mirrors, legs, MAX_TOLERANCE)
         weight = shares[middle] * np.sqrt(probe.pattern_gain(departing) * probe.pattern_gain(arriving))
-        tolerance, expansion = self._expansion(way, mirrors, visible_facets[middle], weight, reference_level)
-        bands = [self._band(self._mirrors(float(t)), way, tolerance) for t in sample_times]
+        tolerance, expansion = self._expansion(legs, mirrors, visible_facets[middle], weight, reference_level)
+        bands = [self._band(self._mirrors(float(t)), legs, tolerance) for t in sample_times]
         gains = [band(each, self._materials, expansion) for band, each in zip(bands, visible_facets, strict=True)]
-        error = self._error(bands[middle], visible_facets[middle], weight, gains[middle], reference_level, way)
+        error = self._error(bands[middle], visible_facets[middle], weight, gains[middle], reference_level, legs)
         for each, part in zip(gains, shares, strict=True):
             each *= part
         aside = np.zeros((len(sample_times), len(facet), 3))
@@ -138,12 +138,12 @@ class ImageReturns:
             knots,
             sample_times,
             np.stack(gains, axis=-1),
-            lambda t: self._band(self._mirrors(t), way, tolerance).lengths(places(t), facets_at(t)),
+            lambda t: self._band(self._mirrors(t), legs, tolerance).lengths(places(t), facets_at(t)),
         )
-        directions = [self._directions(places(float(t)), self._mirrors(float(t)), first, last, way) for t in knots]
+        directions = [self._directions(places(float(t)), self._mirrors(float(t)), first, last, legs) for t in knots]
         departing, arriving = (np.stack([each[end] for each in directions], axis=1) for end in (0, 1))
         span = bands[middle].centre, bands[middle].half_band
-        bounces = 1 + sum(way) * max((each.bounces for each in mirrors), default=1)
+        bounces = 1 + sum(legs) * max((each.bounces for each in mirrors), default=1)
         paths = facet_paths(
             self._surfaces, visible_facets[0], knots, *curves, departing, *span, self._names, arriving, bounces
         )
@@ -178,13 +178,13 @@ class ImageReturns:
             values += (gather @ found.T).T
         gains[..., own] = band.combined(expansion, values)
 
-    def estimate(self, way: MirroredLegs, t: float, visible_facets: MirroredFacets, u: FloatArray) -> ComplexArray:
+    def estimate(self, legs: MirroredLegs, t: float, visible_facets: MirroredFacets, u: FloatArray) -> ComplexArray:
         """(probe, facet) approximate returns at `t` [s] for one pair at positions `u` (probe,) in the band."""
         mirrors = self._mirrors(t)
         departing, arriving = self._directions(
-            visible_facets.centroids, mirrors, visible_facets.first, visible_facets.last, way
+            visible_facets.centroids, mirrors, visible_facets.first, visible_facets.last, legs
         )
-        band = self._band(mirrors, way, MAX_TOLERANCE)
+        band = self._band(mirrors, legs, MAX_TOLERANCE)
         found = band.at_probes(
             visible_facets, self._materials, u, (0, 0), np.minimum(visible_facets.parts, 2).astype(np.int32)
         )
@@ -192,10 +192,10 @@ class ImageReturns:
         return np.asarray(waves * np.sqrt(band.pattern_gain(departing) * band.pattern_gain(arriving)))
 
     def levels(
-        self, way: MirroredLegs, t: float, visible_facets: MirroredFacets, group: NDArray[np.intp], count: int
+        self, legs: MirroredLegs, t: float, visible_facets: MirroredFacets, group: NDArray[np.intp], count: int
     ) -> tuple[FloatArray, FloatArray]:
         """(group,) approximate coherent and incoherent returns at `t` [s] for one pair at the centre frequency."""
-        a = self.estimate(way, t, visible_facets, np.zeros(1))
+        a = self.estimate(legs, t, visible_facets, np.zeros(1))
         total = np.abs(sum_by_surface(a, group.astype(np.int32), count)[0])
         return total, np.sqrt(np.bincount(group, np.abs(a[0]) ** 2, count))
 
@@ -206,12 +206,12 @@ class ImageReturns:
         weight: FloatArray,
         gains: NDArray[np.complex128],
         reference_level: FloatArray,
-        way: MirroredLegs,
+        legs: MirroredLegs,
     ) -> float:
         """Error relative to the direct or own returns, whichever is larger: at first at two pairs over the band, later
         at one pair and position at a time."""
         pairs, probes = [(0, 0), (gains.shape[1] - 1, gains.shape[2] - 1)], PROBES
-        if way in self._missed:
+        if legs in self._missed:
             pairs = [(self._turn % gains.shape[1], (self._turn // gains.shape[1]) % gains.shape[2])]
             probes = PROBES[[self._turn % len(PROBES)]]
         known = band, facets, self._materials, weight
@@ -220,37 +220,34 @@ class ImageReturns:
             for pair in pairs
         ]
         error = float(np.max(found, initial=0.0))
-        return max(error, self._missed.setdefault(way, error))
+        return max(error, self._missed.setdefault(legs, error))
 
     def _expansion(
         self,
-        way: MirroredLegs,
+        legs: MirroredLegs,
         mirrors: tuple[Mirror, ...],
         facets: MirroredFacets,
         weight: FloatArray,
         reference_level: FloatArray,
     ) -> tuple[float, Expansion]:
-        if way not in self._expansions:
+        if legs not in self._expansions:
             unoccluded = np.flatnonzero(weight > 0)
             facets, weight = facets.take(unoccluded), weight[unoccluded]
-            rough = self._band(mirrors, way, MAX_TOLERANCE)
+            rough = self._band(mirrors, legs, MAX_TOLERANCE)
             found = rough.at_probes(facets, self._materials, PROBES, (0, 0), facets.parts)
             phasor = phasors(rough.frequency(PROBES)[:, None] * found.tau)
-            level = np.sqrt(
-                (np.abs(sum_by_surface(found.a * phasor * weight, facets.surface, len(reference_level))) ** 2).mean(
-                    axis=0
-                )
-            )
+            returns = sum_by_surface(found.a * phasor * weight, facets.surface, len(reference_level))
+            level = np.sqrt((np.abs(returns) ** 2).mean(axis=0))
             # The surface with the strongest images relative to its direct return sets the tolerance.
             share = float(np.max(level / np.maximum(np.maximum(reference_level, level), 1e-300), initial=0.0))
             tolerance = image_tolerance(self._rtol, share)
-            band = self._band(mirrors, way, tolerance)
+            band = self._band(mirrors, legs, tolerance)
             # Significant images of each tolerance group are controlled separately, for reciprocity.
             matter = (level > TOLERANCE_SHARE * self._rtol * reference_level)[facets.surface]
             chosen = np.flatnonzero(matter) if matter.any() else np.arange(len(facets))
             judged = facets.take(chosen), self._materials, weight[chosen]
-            self._expansions[way] = tolerance, band.expansion_for(*judged, apart=tolerance_groups(self._surfaces))
-        return self._expansions[way]
+            self._expansions[legs] = tolerance, band.expansion_for(*judged, apart=tolerance_groups(self._surfaces))
+        return self._expansions[legs]
 
     def _directions(
         self,
@@ -258,7 +255,7 @@ class ImageReturns:
         mirrors: tuple[Mirror, ...],
         first: NDArray[np.int32],
         last: NDArray[np.int32],
-        way: MirroredLegs,
+        legs: MirroredLegs,
     ) -> tuple[FloatArray, FloatArray]:
         """(facet, 3) unit vectors towards the first and the last interaction."""
         place = centroids - self._viewpoint
@@ -268,7 +265,7 @@ class ImageReturns:
             visible = unfolded(place, mirror) if by else place
             return np.asarray(visible / np.maximum(np.linalg.norm(visible, axis=1, keepdims=True), 1e-12))
 
-        return towards(way[0], first), towards(way[1], last)
+        return towards(legs[0], first), towards(legs[1], last)
 
 
 def _fill_unseen(aside: FloatArray, visible: NDArray[np.bool_]) -> FloatArray:

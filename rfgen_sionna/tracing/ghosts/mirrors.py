@@ -43,7 +43,7 @@ class Mirror:
     high: FloatArray
     """(2,) largest coordinate along the axes [m]."""
     bounces: ClassVar[int] = 1
-    """Number of reflections on a leg by way of it."""
+    """Number of reflections on a leg via it."""
 
     def height(self, points: FloatArray) -> FloatArray:
         """(...) distance of `points` (..., 3) from the plane [m], positive on the radar's side."""
@@ -72,7 +72,7 @@ class Mirror:
 
 @dataclass(frozen=True, eq=False)
 class SecondOrderImage(Mirror):
-    """Mirror that the radar sees by way of another one, `before`."""
+    """Mirror that the radar sees via another one, `before`."""
 
     before: Mirror
     bounces: ClassVar[int] = 2
@@ -87,7 +87,7 @@ class SecondOrderImage(Mirror):
         return super().image(self.before.image(points))
 
     def unfolded(self, points: FloatArray) -> FloatArray:
-        """Apparent position (..., 3) of `points` by way of both mirrors [m]."""
+        """Apparent position (..., 3) of `points` via both mirrors [m]."""
         return self.before.image(super().image(points))
 
     def crossings(self, viewpoint: FloatArray, points: FloatArray) -> FloatArray:
@@ -96,14 +96,14 @@ class SecondOrderImage(Mirror):
 
 
 class Unfolding:
-    """Apparent positions by way of mirrors of one order, relative to an `origin` (3,) [m]."""
+    """Apparent positions via mirrors of one order, relative to an `origin` (3,) [m]."""
 
     def __init__(self, mirrors: Sequence[Mirror], origin: FloatArray) -> None:
         ways = [[mirror] + ([mirror.before] if isinstance(mirror, SecondOrderImage) else []) for mirror in mirrors]
         self._steps = [_planes(step, origin) for step in zip(*ways, strict=True)]
 
     def __call__(self, places: FloatArray, mirror: NDArray[np.integer[Any]]) -> FloatArray:
-        """(facet, 3) apparent positions [m] of `places` (facet, 3) [m], each by way of its `mirror` (facet,)."""
+        """(facet, 3) apparent positions [m] of `places` (facet, 3) [m], each via its `mirror` (facet,)."""
         for normals, heights in self._steps:
             height = np.einsum("fi,fi->f", places, normals[mirror]) + heights[mirror]
             places = places - 2.0 * height[:, None] * normals[mirror]

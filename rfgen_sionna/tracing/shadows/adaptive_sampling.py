@@ -18,7 +18,7 @@ from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.tracing.shadows.lattice_sampling import LatticeSampler, OccluderTest
 from rfgen_sionna.tracing.shadows.lattices import SPACINGS, inset_points, points_of
-from rfgen_sionna.tracing.shadows.return_bounds import corners_of, max_boundary_returns, max_returns
+from rfgen_sionna.tracing.shadows.return_bounds import corners_of, error_budget, max_boundary_returns, max_returns
 from rfgen_sionna.tracing.shadows.visible_polygons import EDGE_INSET, VisibilitySampler, find_visible_polygons
 
 MISSED_PER_RTOL = 0.25
@@ -169,23 +169,23 @@ def sample_visibility(
         fraction, mixed = np.where(changed, share, 1.0), changed & (unoccluded > 0)
     silhouette = np.zeros(count) if silhouette is None else silhouette
     passed = silhouette > 0
-    edged, hidden, sent = mixed | passed, np.zeros(count), 0
+    edged, skipped, sent = mixed | passed, np.zeros(count), 0
     least = np.full(count, -1, np.intp)
     sampler = LatticeSampler(rays, viewpoint, corners, facet, moving, width, fraction)
     patch, most_points = CURVED_EDGE_ERROR, times * _MAX_POINTS
     if search:
         allowed = _SEARCH_SHARE * MISSED_PER_RTOL * rtol * float(np.linalg.norm(most * fraction))
-        least, hidden, sent = sampler.search(np.where(edged, 0.0, cut), allowed)
+        least, skipped, sent = sampler.search(np.where(edged, 0.0, cut), allowed)
         edged |= least >= 0
         patch, most_points = _STATIC_EDGE_ERROR, _STATIC_MAX_POINTS
-    bent = patch * cut
+    errors = patch * cut
     some = np.flatnonzero(passed)
     size = lengths(corners[some] - corners[some][:, [1, 2, 0]]).max(axis=1, initial=0.0)
     size /= np.maximum(lengths(offset[some]).min(axis=1, initial=np.inf), 1e-9)
     wide = np.zeros(count)
     wide[some] = size
     # A silhouette counts on both sides of a body.
-    bent[some] *= np.clip(0.5 * silhouette[some] / np.maximum(size, 1e-300), 1.0, _MAX_EDGES) ** 2
+    errors[some] *= np.clip(0.5 * silhouette[some] / np.maximum(size, 1e-300), 1.0, _MAX_EDGES) ** 2
     share = np.sqrt(1.0 - _SEARCH_SHARE**2) if search else 1.0
     groups = np.zeros(1, np.intp) if group is None else np.flatnonzero(np.bincount(group[edged]))
     members = [np.arange(count) if group is None else np.flatnonzero(group == each) for each in groups]
@@ -197,9 +197,9 @@ def sample_visibility(
         again = (total < 0.5 * previous) & ((total > 0) | np.isinf(previous))
         if not again.any():
             break
-        for mine, all_of_them in zip(members, np.where(again, total, previous).tolist(), strict=True):
+        for mine, returns in zip(members, np.where(again, total, previous).tolist(), strict=True):
             some = mine[edged[mine]]
-            wanted[some] = np.sqrt(bent[some] / error_budget(bent[some], share * MISSED_PER_RTOL * rtol * all_of_them))
+            wanted[some] = np.sqrt(errors[some] / error_budget(errors[some], share * MISSED_PER_RTOL * rtol * returns))
         # A coarser lattice would lose an edge that the search found.
         closely = np.flatnonzero(edged & ((wanted > np.sqrt(patch / CORNER_ERROR)) | (least >= 0)))
         finer = np.full(count, -1, np.intp)
@@ -209,19 +209,17 @@ def sample_visibility(
         sampler.sample(np.flatnonzero(finer > sampler.lattice), finer)
     lattice = sampler.lattice.copy()
     sampled = lattice >= 0
-    missed = np.minimum(cut, np.where(sampled, bent / np.array(SPACINGS)[lattice] ** 2, CORNER_ERROR * cut * edged))
-    missed = np.maximum(missed, hidden)
+    missed = np.minimum(cut, np.where(sampled, errors / np.array(SPACINGS)[lattice] ** 2, CORNER_ERROR * cut * edged))
+    missed = np.maximum(missed, skipped)
     # Shadows narrower than a cell: refine once where a silhouette ray hit a fully visible or occluded facet.
     got_by = passed if shadowing is None else shadowing > 0
     whole = got_by & sampled & ((fraction == 0) | (fraction == 1))
     narrow = np.flatnonzero(whole & (lattice < len(SPACINGS) - 1) & (np.array(SPACINGS)[lattice] < wanted**2))
     sampler.sample(narrow[np.cumsum(points_of(lattice[narrow] + 1)) < most_points], lattice + 1)
     # A boundary crosses facets along chords; short chords may fall between two silhouette rays.
-    shadowed_surfaces = np.flatnonzero(passed & ~mixed & (fraction > 0) & (fraction < 1))
-    others = np.maximum(ray_spacing / np.maximum(_CHORD * wide[shadowed_surfaces], 1e-12) - 1.0, 0.0)
-    missed[shadowed_surfaces] = np.hypot(
-        missed[shadowed_surfaces], _UNSAMPLED_EDGE_RETURN * cut[shadowed_surfaces] * np.sqrt(others)
-    )
+    crossed = np.flatnonzero(passed & ~mixed & (fraction > 0) & (fraction < 1))
+    others = np.maximum(ray_spacing / np.maximum(_CHORD * wide[crossed], 1e-12) - 1.0, 0.0)
+    missed[crossed] = np.hypot(missed[crossed], _UNSAMPLED_EDGE_RETURN * cut[crossed] * np.sqrt(others))
     if places is not None:
         sent += sampler.sample_sides(np.flatnonzero(passed & (lattice >= 0) & (fraction == 1)), places, occluded)
     owner, pieces, occluder, rays_sent = sampler.collect(reach, np.pi / wavenumber)
@@ -255,18 +253,6 @@ class CornerVisibility:
         targets = rays.targets(self._viewpoint, np.take(self._corners, owner, axis=0), self._facet[owner], moving)
         light[there] = targets.visible(np.arange(len(there)), inset_points(np.eye(3), EDGE_INSET)[corner])
         return light[side], len(there)
-
-
-def error_budget(errors: FloatArray, total: float) -> float:
-    """Largest error for each of `errors` such that their root sum of squares is `total`."""
-    ordered = np.sort(errors) ** 2
-    below = np.cumsum(ordered) - ordered
-    rest = np.arange(len(ordered), 0, -1)
-    enough = np.flatnonzero(below + rest * ordered > total**2)
-    if not len(enough):
-        return np.inf
-    k = enough[0]
-    return max(float(np.sqrt((total**2 - below[k]) / rest[k])), 1e-300)
 
 
 def _shown_sides(corners: FloatArray, viewpoint: FloatArray) -> IntArray:
@@ -330,11 +316,12 @@ def clip_by_silhouettes(
     visible shares by guiding rays. `level` is the incoherent sum of all returns in units of `cut`, `rtol` its allowed
     error.
     """
-    bent, share = CURVED_EDGE_ERROR * cut, share.copy()
-    wanted = np.sqrt(bent / error_budget(bent, MISSED_PER_RTOL * rtol * level))
+    errors, share = CURVED_EDGE_ERROR * cut, share.copy()
+    wanted = np.sqrt(errors / error_budget(errors, MISSED_PER_RTOL * rtol * level))
     cells = np.searchsorted(SPACINGS[:-1], wanted)
     sampled = wanted > np.sqrt(CURVED_EDGE_ERROR / CORNER_ERROR)
-    missed = np.where(sampled, bent / np.array(SPACINGS)[cells] ** 2, CORNER_ERROR * cut * ((share > 0) & (share < 1)))
+    partly = (share > 0) & (share < 1)
+    missed = np.where(sampled, errors / np.array(SPACINGS)[cells] ** 2, CORNER_ERROR * cut * partly)
     some = np.flatnonzero(sampled)
     owners, pieces = [np.zeros(0, np.intp)], [np.zeros((0, 3, 3))]
     batch = np.cumsum(points_of(cells[some])) // _CLIP_BATCH

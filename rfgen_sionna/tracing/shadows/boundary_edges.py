@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.shadows.adaptive_sampling import error_budget
-from rfgen_sionna.tracing.shadows.return_bounds import MAX_BOUNDARY_WIDTH
+from rfgen_sionna.tracing.shadows.return_bounds import MAX_BOUNDARY_WIDTH, error_budget
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.quadratic_patch import barycentric
 

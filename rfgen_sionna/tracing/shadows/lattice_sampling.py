@@ -115,13 +115,13 @@ class LatticeSampler:
         some, corner = whole[row], corner[one]
         triangle = np.eye(3)[(corner[:, None] + np.arange(3)) % 3]  # the corner across the side comes first
         side = 0.5 * (triangle[:, 1] + triangle[:, 2])
-        beyond = side + EDGE_INSET * (side - triangle[:, 0])
+        outside = side + EDGE_INSET * (side - triangle[:, 0])
         targets = self._rays.targets(self._viewpoint, self._corners[some], self._facet[some], self._moving)
-        _, occluder = targets.edges(np.arange(len(some)), inset_points(side), beyond, 0)
-        hidden = np.flatnonzero(occluder < 1.0)
-        ends, found = np.tile(occluder[hidden, None], 2), some[hidden]
+        _, occluder = targets.edges(np.arange(len(some)), inset_points(side), outside, 0)
+        shadowed = np.flatnonzero(occluder < 1.0)
+        ends, found = np.tile(occluder[shadowed, None], 2), some[shadowed]
         self._turn[found] = turn = len(self._found)
-        polygons = VisiblePolygons(np.ones(len(found)), np.arange(len(found)), triangle[hidden], ends, 0)
+        polygons = VisiblePolygons(np.ones(len(found)), np.arange(len(found)), triangle[shadowed], ends, 0)
         self._found.append((turn, found, polygons))
         return len(some)
 
@@ -137,9 +137,9 @@ class LatticeSampler:
         latest = np.flatnonzero(turn == self._turn[owner])
         order = latest[np.argsort(owner[latest], kind="stable")]
         owner, pieces, occluder = owner[order], pieces[order], occluder[order]
-        beyond, sent = self._bands(owner, pieces, occluder, reach, least)
+        next_occluder, sent = self._bands(owner, pieces, occluder, reach, least)
         sent += sum(polygons.rays for _, _, polygons in self._found)
-        return owner, pieces, np.column_stack([occluder, beyond]), sent
+        return owner, pieces, np.column_stack([occluder, next_occluder]), sent
 
     def _bands(
         self, owner: NDArray[np.intp], pieces: FloatArray, occluder: FloatArray, reach: float, least: float
@@ -162,11 +162,11 @@ class LatticeSampler:
         edge = 0.5 * (pieces[some, 1] + pieces[some, 2])
         owners = owner[some]
         targets = self._rays.targets(self._viewpoint, self._corners[owners], self._facet[owners], self._moving)
-        crossing, beyond = targets.edges(np.arange(len(some)), edge + _BESIDE * way, edge + way, _BAND_HALVINGS)
+        crossing, next_occluder = targets.edges(np.arange(len(some)), edge + _BESIDE * way, edge + way, _BAND_HALVINGS)
         # Occluders other than the curved surface itself.
-        hidden = np.flatnonzero(beyond < _ITSELF)
-        share = ((crossing - edge) * way).sum(axis=1)[hidden] / np.maximum((way**2).sum(axis=1)[hidden], 1e-300)
-        found[some[hidden]] = np.column_stack([share * width[hidden], beyond[hidden]])
+        occluded = np.flatnonzero(next_occluder < _ITSELF)
+        share = ((crossing - edge) * way).sum(axis=1)[occluded] / np.maximum((way**2).sum(axis=1)[occluded], 1e-300)
+        found[some[occluded]] = np.column_stack([share * width[occluded], next_occluder[occluded]])
         return found, (1 + _BAND_HALVINGS) * len(some)
 
 

@@ -133,7 +133,7 @@ def cut_cells(
     number[group.row, group.edge] = np.arange(len(group.row))
     one, two, three = group.corners
     count = one.astype(np.int8) + two + three
-    found, bitten = [], (np.zeros(0, np.intp), np.zeros(0, np.intp))
+    found, entered = [], (np.zeros(0, np.intp), np.zeros(0, np.intp))
     for corners in (1, 2):
         row, cell = np.nonzero(count == corners)
         # The corner that differs from the two others, and those that come after it.
@@ -160,7 +160,7 @@ def cut_cells(
                 ((a, ab, ca), off, straight), ((a, ab, x), off_ab, ~straight), ((a, x, ca), off_ca, ~straight),
             ]  # fmt: skip
         else:
-            bitten = row[beyond], there[beyond]
+            entered = row[beyond], there[beyond]
             across = lattice.cells[there], lattice.sides[there] == lattice.sides[cell, side][:, None]
             d = np.take(lattice.points, across[0][np.arange(len(row)), (across[1].argmax(axis=1) + 2) % 3], axis=0)
             by_ab, by_ca = _line_crossing(ab, x, b, c), _line_crossing(ca, x, b, c)
@@ -176,7 +176,7 @@ def cut_cells(
             for k, corner in enumerate(triangle):
                 piece[:, k] = corner[some]
             found.append((row[some], piece, ends[some]))
-    return found, bitten
+    return found, entered
 
 
 def _neighbour_cell(

@@ -89,3 +89,15 @@ def max_boundary_returns(
     wide = np.minimum(wide, 2.0 * MAX_BOUNDARY_WIDTH * np.sqrt(2 * np.pi / wavenumber * distance))
     long = lengths(offset - offset[:, [1, 2, 0]]).max(axis=1)
     return np.asarray(2.0 * wide * long / distance**2 / (1.0 + 0.5 * width))
+
+
+def error_budget(errors: FloatArray, total: float) -> float:
+    """Largest error for each of `errors` such that their root sum of squares is `total`."""
+    ordered = np.sort(errors) ** 2
+    below = np.cumsum(ordered) - ordered
+    rest = np.arange(len(ordered), 0, -1)
+    enough = np.flatnonzero(below + rest * ordered > total**2)
+    if not len(enough):
+        return np.inf
+    k = enough[0]
+    return max(float(np.sqrt((total**2 - below[k]) / rest[k])), 1e-300)

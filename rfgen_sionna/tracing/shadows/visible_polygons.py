@@ -96,8 +96,8 @@ def find_visible_polygons(sampler: VisibilitySampler, level: NDArray[np.intp], w
             rest = np.flatnonzero(~straight)
             bent = LatticeGroup.of(group.facets[rest], group.level, group.unoccluded[rest])
             others = ~straight[group.row]
-            cut, bitten = cut_cells(bent, own[others], before[others])
-            more = (*_whole_cells(bent, bitten), *cut)
+            cut, entered = cut_cells(bent, own[others], before[others])
+            more = (*_whole_cells(bent, entered), *cut)
             found += [(rest[owner], piece, ends) for owner, piece, ends in more]
         owners += [group.facets[owner] for owner, _, _ in found]
         pieces += [piece for _, piece, _ in found]
@@ -231,12 +231,12 @@ def _straight(
 
 
 def _whole_cells(
-    group: LatticeGroup, bitten: tuple[NDArray[np.intp], NDArray[np.intp]]
+    group: LatticeGroup, entered: tuple[NDArray[np.intp], NDArray[np.intp]]
 ) -> list[tuple[NDArray[np.intp], FloatArray, FloatArray]]:
-    """Fully visible cells, merged into the largest ones, without the `bitten` (row, cell)."""
+    """Fully visible cells, merged into the largest ones, without the `entered` (row, cell)."""
     one, two, three = group.corners
     full: NDArray[np.bool_] = one & two & three
-    full[bitten] = False
+    full[entered] = False
     tree = [full]
     for _ in range(group.level):
         quarters = tree[-1].reshape(len(full), -1, 4)
