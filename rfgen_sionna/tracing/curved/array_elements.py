@@ -34,13 +34,9 @@ class ArrayElements:
     def of(radar: Radar) -> ArrayElements:
         """Elements of a radar."""
         return ArrayElements(
-            np.asarray(radar.position, np.float64),
-            radar.rotation,
-            np.atleast_2d(radar.tx_world),
-            np.atleast_2d(radar.rx_world),
-            (radar.tx_field, radar.rx_field),
-            BandTracer(radar, 1e-2).pattern_gain,
-        )
+            np.asarray(radar.position, np.float64), radar.rotation, np.atleast_2d(radar.tx_world),
+            np.atleast_2d(radar.rx_world), (radar.tx_field, radar.rx_field), BandTracer(radar, 1e-2).pattern_gain,
+        )  # fmt: skip
 
 
 MAX_NODES = 9

@@ -35,16 +35,10 @@ class DoubleBounceSearch:
     ----------
     surface_model, rays
         The surfaces at that time.
-    source
-        (3,) phase centre of the radar [m].
-    wanted
-        (face,) candidate faces of the ray scene.
-    max_range
-        Half the longest path length [m].
-    wavelength
-        [m]
-    required
-        (face,) faces of which at least one is on each path.
+    source, max_range, wavelength
+        (3,) phase centre of the radar, half the longest path length, and wavelength [m].
+    wanted, required
+        (face,) candidate faces, and faces of which at least one is on each path.
     curvatures
         From faces (n,) to the change of normals at their corners (n, 3, 3, 3) [1/m].
     """

@@ -95,14 +95,10 @@ def _newton_step(
     count = len(at)
     moved, miss = dr.empty(types.Float64, 4 * count), dr.empty(types.Float64, count)
     given = {
-        "lanes": dr.arange(types.UInt32, count),
-        "faces": [upload(types.UInt32, each) for each in number],
-        "figures": upload(types.Float64, figures),
-        "ends": upload(types.Float64, ends),
-        "at": upload(types.Float64, at),
-        "moved": moved,
-        "miss": miss,
-    }
+        "lanes": dr.arange(types.UInt32, count), "faces": [upload(types.UInt32, each) for each in number],
+        "figures": upload(types.Float64, figures), "ends": upload(types.Float64, ends), "at": upload(types.Float64, at),
+        "moved": moved, "miss": miss,
+    }  # fmt: skip
     _STEP(given)
     return np.asarray(moved.numpy()).reshape(count, 4), np.asarray(miss.numpy())
 

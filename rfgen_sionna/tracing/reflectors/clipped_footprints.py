@@ -113,13 +113,9 @@ class ReflectedFacets(MirroredFacets):
         at = (_find_rows(keys, footprints.keys) if place is None else place)[footprints.owner]
         kept = at >= 0
         return ReflectedFacets(
-            **columns(chosen, Facets),
-            first=first,
-            last=last,
-            pieces=footprints.pieces[kept],
-            owner=at[kept],
+            **columns(chosen, Facets), first=first, last=last, pieces=footprints.pieces[kept], owner=at[kept],
             share=footprints.share[kept],
-        )
+        )  # fmt: skip
 
     def finer(self) -> tuple[ReflectedFacets, NDArray[np.intp]]:
         """The same in twice as many parts."""
@@ -137,11 +133,8 @@ class ReflectedFacets(MirroredFacets):
         kept = owner >= 0
         chosen = super().take(index)
         return ReflectedFacets(
-            **columns(chosen, MirroredFacets),
-            pieces=self.pieces[kept],
-            owner=owner[kept],
-            share=self.share[kept],
-        )
+            **columns(chosen, MirroredFacets), pieces=self.pieces[kept], owner=owner[kept], share=self.share[kept],
+        )  # fmt: skip
 
 
 def columns(record: Any, kind: type) -> dict[str, Any]:

@@ -57,17 +57,8 @@ CURVED = DIRECT - 1
 
 
 class EdgeDiffractionError:
-    """Estimates the diffraction at reflectors' outlines that the returns by them lack.
-
-    Parameters
-    ----------
-    radar
-        Position, elements and band.
-    materials
-        Of the surfaces of the facets.
-    tolerance_group
-        (surface,) number of the tolerance group.
-    """
+    """Estimates the diffraction at reflectors' outlines that the returns by them lack, for facets of surfaces with
+    `materials` in the groups `tolerance_group` (surface,)."""
 
     def __init__(self, radar: Radar, materials: Sequence[Material], tolerance_group: IntArray) -> None:
         self._view, self._wavelength = np.asarray(radar.position), radar.wavelength
@@ -97,19 +88,10 @@ class EdgeDiffractionError:
     ) -> FloatArray:
         """(tolerance group,) error of all returns by reflectors, as an amplitude.
 
-        Parameters
-        ----------
-        planar_parts, reflectors
-            All planar parts, and those of them that are reflectors now.
-        points
-            (vertex, 3) positions [m] of each surface.
-        facets, own
-            Facets, and the planar part (facet,) of each, -1 for none.
-        area
-            (part,) [m^2] for the mirror selection
-            (:func:`rfgen_sionna.tracing.reflectors.planar_reflectors.mirror_weights`).
-        footprint_sets
-            Footprints and the amplitude (entry,) after slabs; both directions of a path count once.
+        `reflectors` are those of all `planar_parts` that reflect now, `points` (vertex, 3) [m] of each surface. Facets
+        are on the parts `own` (facet,), -1 for none. `area` (part,) [m^2] selects mirrors
+        (:func:`rfgen_sionna.tracing.reflectors.planar_reflectors.mirror_weights`). `footprint_sets` are footprints with
+        the amplitude (entry,) after slabs; both directions of a path count once.
         """
         known: dict[int, list[ImageSource]] = {DIRECT: [DIRECT_SOURCE]}
         triangles: dict[int, FloatArray] = {}

@@ -35,18 +35,14 @@ class FootprintClipper:
 
     Parameters
     ----------
-    rays
-        Ray scene.
+    rays, owner
+        Ray scene, and the reflector of each of its faces (face,), -1 for none.
     reflectors
         Reflectors in use; None for the others.
-    owner
-        (face,) reflector of each face of the ray scene, -1 for none.
     viewpoint
         (3,) phase centre of the radar [m].
-    facets
-        Facets to be seen by reflectors.
-    max_range
-        Half the longest path length [m].
+    facets, max_range
+        Facets to be seen by reflectors, and half the longest path length [m].
     """
 
     def __init__(
@@ -130,13 +126,9 @@ class FootprintClipper:
         used, owner = np.unique(owner[visible], return_inverse=True)
         count = len(used)
         return ClippedFootprints(
-            index[used],
-            np.full(count, first, np.int32),
-            np.full(count, last, np.int32),
-            pieces[visible] + self._view,
-            owner.reshape(-1),
-            share[visible],
-        )
+            index[used], np.full(count, first, np.int32), np.full(count, last, np.int32), pieces[visible] + self._view,
+            owner.reshape(-1), share[visible],
+        )  # fmt: skip
 
     def _share(self, pieces: FloatArray, facet: NDArray[np.intp], first: IntArray, last: IntArray) -> FloatArray:
         """(piece,) share that both legs reach, by reflectors (piece,): three guiding points, and a lattice where they

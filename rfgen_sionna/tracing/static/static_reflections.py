@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
@@ -32,7 +32,6 @@ from rfgen_sionna.tracing.reflectors.corner_returns import CornerReturnEstimate
 from rfgen_sionna.tracing.reflectors.edge_diffraction import EdgeDiffractionError
 from rfgen_sionna.tracing.reflectors.footprint_clipper import FootprintClipper, FreeLegs
 from rfgen_sionna.tracing.reflectors.planar_reflectors import (
-    PlanarReflector,
     adjacent_parts,
     face_owners,
     find_planar_parts,
@@ -185,13 +184,37 @@ def trace_static_reflections(
         (found,) = setup.legs.over_time([facets], footprints.keys, [footprints], swapped)
         return found.times(shares)
 
-    def edge_error(footprint_sets: Sequence[ClippedFootprints], edges: EdgeDiffractionError) -> FloatArray:
-        left = [(footprints, clipper.left(footprints)) for footprints in footprint_sets]
-        return edges(planar_parts, reflectors, points, facets, owner[facets.number], area, left)
-
-    return _integrate_reflections(
-        setup, weighted, facets, surfaces, radar, static, rtol, clipper, reflectors, footprint_sets, edge_error,
-    )  # fmt: skip
+    blank = next(each for each in reflectors if each is not None)
+    mirrors = tuple(reflector or blank for reflector in reflectors)
+    names = surfaces.object_names, surfaces.part_names
+    returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, setup.legs.band)
+    least = NEGLIGIBLE * rtol * static.level
+    footprint_sets, omitted = _cull_weak(weighted, facets, returns, clipper, footprint_sets, least)
+    # The static scene is one tolerance group.
+    materials = [each.material for each in surfaces.static]
+    edges = EdgeDiffractionError(radar, materials, np.zeros(len(materials), np.int32))
+    reference_level, now, paths, used = np.full(len(materials), static.level), np.zeros(1), [], []
+    error, total = omitted / max(static.level, 1e-300), np.zeros(1, np.complex128)
+    for way in LEG_COMBINATIONS:
+        footprints = footprint_sets[1] if all(way) else footprint_sets[0]
+        if len(footprints.facet) == 0:
+            continue
+        visible = weighted(footprints, way == (False, True))
+        found_paths, missed = returns(
+            way, now, now, [visible], np.ones((1, len(visible))), footprints.facet,
+            lambda _, chosen: facets.centroids[chosen], reference_level,
+        )  # fmt: skip
+        paths.append(found_paths)
+        used.append(footprints)
+        error += missed
+        total += edges.returned(found_paths, visible.surface)
+    if not paths:
+        return None
+    level = max(static.level, float(np.abs(total[0])), 1e-300)
+    left = [(footprints, clipper.left(footprints)) for footprints in footprint_sets]
+    off = edges(planar_parts, reflectors, points, facets, owner[facets.number], area, left)[0]
+    error = float(np.hypot(error, off / level))
+    return StaticReflections(RadarPaths.concatenate(paths), error, clipper.sent, tuple(used), clipper)
 
 
 def all_vertices(surfaces: Surfaces) -> list[FloatArray]:
@@ -226,55 +249,6 @@ def _above(allowed: float, planar_parts: NDArray[np.intp], levels: FloatArray) -
     return list(zip(planar_parts[strong].tolist(), levels[strong].tolist(), strict=True))
 
 
-def _integrate_reflections(
-    setup: ReflectionSetup,
-    weighted: Callable[[ClippedFootprints, bool], ReflectedFacets],
-    facets: Facets,
-    surfaces: Surfaces,
-    radar: Radar,
-    static: StaticTrace,
-    rtol: float,
-    clipper: FootprintClipper,
-    reflectors: Sequence[PlanarReflector | None],
-    footprint_sets: tuple[ClippedFootprints, ClippedFootprints],
-    edge_error: Callable[[Sequence[ClippedFootprints], EdgeDiffractionError], FloatArray],
-) -> StaticReflections | None:
-    mirrors = tuple(reflector or next(each for each in reflectors if each is not None) for reflector in reflectors)
-    names = surfaces.object_names, surfaces.part_names
-    returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, setup.legs.band)
-    reference_level, now = np.full(len(surfaces.static), static.level), np.zeros(1)
-    footprint_sets, error = _cull_weak(
-        weighted, facets, returns, clipper, footprint_sets, NEGLIGIBLE * rtol * static.level
-    )
-    paths, error, used = [], error / max(static.level, 1e-300), []
-    # The static scene is one tolerance group.
-    edges = EdgeDiffractionError(
-        radar, [each.material for each in surfaces.static], np.zeros(len(reference_level), np.int32)
-    )
-    total = np.zeros(1, np.complex128)
-    for way in LEG_COMBINATIONS:
-        footprints = footprint_sets[1] if all(way) else footprint_sets[0]
-        if len(footprints.facet) == 0:
-            continue
-        any_visible = weighted(footprints, way == (False, True))
-
-        def centroids(_: float, chosen: NDArray[np.intp]) -> FloatArray:
-            return facets.centroids[chosen]
-
-        found, missed = returns(
-            way, now, now, [any_visible], np.ones((1, len(any_visible))), footprints.facet, centroids, reference_level
-        )
-        paths.append(found)
-        used.append(footprints)
-        error += missed
-        total += edges.returned(found, any_visible.surface)
-    if not paths:
-        return None
-    level = max(static.level, float(np.abs(total[0])), 1e-300)
-    error = float(np.hypot(error, edge_error(footprint_sets, edges)[0] / level))
-    return StaticReflections(RadarPaths.concatenate(paths), error, clipper.sent, tuple(used), clipper)
-
-
 def _cull_weak(
     weighted: Callable[[ClippedFootprints, bool], ReflectedFacets],
     facets: Facets,
@@ -300,7 +274,7 @@ def _cull_weak(
     if not waves:
         return footprint_sets, 0.0
     wave, kind = np.concatenate(waves, axis=1), np.concatenate(kinds)
-    group = _number_columns(np.concatenate(keys, axis=1))
+    group = np.unique(np.concatenate(keys, axis=1), axis=1, return_inverse=True)[1].reshape(-1)
     energy, size = (np.abs(wave) ** 2).mean(axis=0), int(group.max()) + 1
     order, missed = np.argsort(energy), 0.0
     while len(order):
@@ -321,11 +295,3 @@ def _cull_weak(
         for number, footprints in enumerate(footprint_sets)
     )
     return (once, twice), missed if len(left) else 0.0
-
-
-def _number_columns(rows: NDArray[np.integer[Any]]) -> IntArray:
-    """(column,) number of each column of `rows` (row, column); equal columns share one."""
-    found = np.zeros(rows.shape[1], np.int64)
-    for row in rows:
-        _, found = np.unique(found * (int(row.max()) + 2) + row + 1, return_inverse=True)
-    return found.astype(np.int32)

@@ -102,11 +102,9 @@ def trace_static_transmission(
     only = range(len(points))
     visible = transmission_tracer.trace_visibility(rays, every, static.hidden, static.hidden_fraction, only)
     reference_level, now = np.full(len(points), static.level), np.zeros(1)
-
-    def centroids(_: float, chosen: NDArray[np.intp]) -> FloatArray:
-        return static.hidden.centroids[chosen]
-
-    paths, error, keys = transmission_tracer.trace(now, now, [static.hidden], [visible], centroids, reference_level)
+    paths, error, keys = transmission_tracer.trace(
+        now, now, [static.hidden], [visible], lambda _, chosen: static.hidden.centroids[chosen], reference_level
+    )
     if paths is None:
         return None
     return StaticTransmission(paths, error, visible.rays, transmission_tracer, static, points, keys, visible.share)

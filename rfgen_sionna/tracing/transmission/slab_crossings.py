@@ -84,14 +84,8 @@ class SlabTracer:
     ) -> SlabCrossings:
         """Slabs between `origins` (leg, 3) or (3,) and `targets` (leg, 3) [m].
 
-        Parameters
-        ----------
-        label
-            (face,) label of each face of the ray scene; None numbers them.
-        ends, starts
-            (leg,) label of the target's and the origin's face, which do not block.
-        exact
-            Whether legs that reach the target without a hit on its face are blocked.
+        Faces of the ray scene have the `label` (face,); None numbers them. Faces `ends` and `starts` (leg,), of target
+        and origin, do not block. With `exact`, legs that reach the target without a hit on its face are blocked.
         """
         count = len(targets)
         crossing = np.full((count, MAX_SLABS), NO_SLAB, np.int64)
@@ -150,16 +144,8 @@ def _corner_normals(points: FloatArray, surface: Surface) -> FloatArray:
 class SlabVisibility:
     """Visibility of facets through slabs, a :class:`rfgen_sionna.tracing.shadows.visible_polygons.VisibilitySampler`.
 
-    Parameters
-    ----------
-    slab_tracer
-        Finds the slabs on a leg.
-    viewpoint
-        (3,) [m].
-    corners, number
-        (facet, 3, 3) [m] and (facet,) face of the ray scene.
-    crossings
-        (facet, depth) slabs that each is seen through.
+    Facets have `corners` (facet, 3, 3) [m] on faces `number` (facet,) of the ray scene. They are visible from the
+    `viewpoint` (3,) [m] where `slab_tracer` finds exactly the slabs `crossings` (facet, depth).
     """
 
     def __init__(

@@ -159,19 +159,9 @@ class SlabReflectedBand(ReflectedBand):
 
 
 class SlabFootprintClipper(FootprintClipper):
-    """As :class:`~rfgen_sionna.tracing.reflectors.footprint_clipper.FootprintClipper`, through slabs.
-
-    Parameters
-    ----------
-    slab_tracer
-        Traces rays through slabs.
-    through
-        (surface,) transmitted amplitude.
-    least
-        Amplitude of both legs below which a path is blocked.
-    given
-        Arguments of :class:`~rfgen_sionna.tracing.reflectors.footprint_clipper.FootprintClipper`.
-    """
+    """As :class:`~rfgen_sionna.tracing.reflectors.footprint_clipper.FootprintClipper` with its arguments `given`,
+    through slabs that `slab_tracer` finds. Surfaces transmit the amplitude `through` (surface,); paths of less than
+    `least` are blocked."""
 
     def __init__(self, slab_tracer: SlabTracer, through: FloatArray, least: float, *given: Any) -> None:
         super().__init__(*given)
@@ -298,14 +288,7 @@ class SlabFootprintClipper(FootprintClipper):
 
 class SlabLegs(FreeLegs):
     """Reflected legs of which at least one goes through a slab: ghosts and corners behind a wall, a window, clothing.
-
-    Parameters
-    ----------
-    transmission
-        Slabs of the scene.
-    only
-        Numbers of the surfaces that transmit; None means all.
-    """
+    `only` these surfaces transmit, None means all."""
 
     def __init__(self, transmission: Transmission, only: Sequence[int] | None = None) -> None:
         self._transmission, self._amplitude = transmission, transmission.slab_amplitudes(only)

@@ -85,12 +85,8 @@ class TransmittedFacets(MirroredFacets):
         chosen = facets.take(keys[:, 0].astype(np.intp)).with_pattern_gradient(None)
         none = np.zeros(len(keys), np.int32)
         return cls(
-            **columns(chosen, Facets),
-            first=none,
-            last=none,
-            crossed=keys[:, 1:].astype(np.int32),
-            across=normals,
-        )
+            **columns(chosen, Facets), first=none, last=none, crossed=keys[:, 1:].astype(np.int32), across=normals,
+        )  # fmt: skip
 
     def between(self, after: MirroredFacets, share: float) -> TransmittedFacets:
         """With slab normals at a `share` of the way to those of `after`."""
