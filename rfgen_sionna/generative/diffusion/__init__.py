@@ -1,4 +1,4 @@
-"""Motion from words: a text-conditioned diffusion model of human movement.
+"""Motion diffusion: a text-conditioned diffusion model of human motion.
 
-Importing it is light: torch, diffusers and the weights are loaded at first use.
+Torch, diffusers and the weights are loaded at first use, not at import.
 """

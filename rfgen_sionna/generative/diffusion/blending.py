@@ -1,4 +1,4 @@
-"""Where given poses end and free ones begin: what the model makes continues what was given."""
+"""Transitions between given poses and generated ones."""
 
 from __future__ import annotations
 
@@ -7,34 +7,34 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.features import FRAME_RATE, LOCAL, PARTS, TRACKED_POSITIONS, TURN, from_six
+from rfgen_sionna.generative.diffusion.features import FRAME_RATE, LOCAL, PARTS, TRACKED_POSITIONS, TURN, from_six, runs
 
 EASE = 0.6
-"""Time in which a pose goes over from what the given one leads to, to what the model has made [s]."""
+"""Duration of a transition [s]: about half a step of walking."""
 _PLACE, _PELVIS = (tuple(PARTS).index(part) for part in ("place", "pelvis"))
 _ROTATIONS = (TURN.start, *range(LOCAL.start, LOCAL.stop, 6))
 """First columns of rotations, six each."""
 _VECTORS = (TURN, TRACKED_POSITIONS)
-"""Columns that hold vectors (x, y, z), one after the other."""
+"""Columns of consecutive vectors (x, y, z)."""
 
 
 def blend_transitions(rows: FloatArray, given: NDArray[np.bool_]) -> FloatArray:
-    """(frame, NUM_FEATURES) rows whose free stretches continue the given ones.
+    """(frame, NUM_FEATURES) rows whose free intervals continue the given ones.
 
-    Heading and place on the floor are changed as a whole, so that steps stay what they are; between two given stretches
-    they go over from what one asks for to what the other does. All else goes over in `EASE` seconds.
+    Heading and place on the floor are shifted rigidly, with a gradual transition between two given intervals; all other
+    features converge within `EASE`.
 
     Args:
         rows: in their own units.
-        given: (frame, part) where parts are given, and stay as they are.
+        given: (frame, part) whether parts are given; given parts stay unchanged.
     """
     out = rows.copy()
-    for start, stop in _free(given[:, _PLACE] | given[:, _PELVIS]):
+    for start, stop in runs(~(given[:, _PLACE] | given[:, _PELVIS])):
         ends = [given[frame, [_PLACE, _PELVIS]].all() for frame in (start - 1, min(stop, len(rows) - 1))]
         before, after = out[:start] if ends[0] else out[:0], out[stop:] if ends[1] else out[len(out) :]
         out[start:stop] = _turned(out[start:stop], before, after)
     for part, (name, columns) in enumerate(PARTS.items()):
-        for start, stop in _free(given[:, part]):
+        for start, stop in runs(~given[:, part]):
             own = out[:, list(columns)]
             shift = _shift(own[start:stop], own[:start], own[stop:], whole=name == "place")
             joints = [k for k in _ROTATIONS if k in columns]
@@ -45,15 +45,8 @@ def blend_transitions(rows: FloatArray, given: NDArray[np.bool_]) -> FloatArray:
     return out
 
 
-def _free(given: NDArray[np.bool_]) -> list[list[int]]:
-    """First and one after the last frame of every stretch that is not given."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], given, [True]]).astype(np.int8)))
-    found: list[list[int]] = edges.reshape(-1, 2).tolist()
-    return found
-
-
 def _turned(rows: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
-    """Free rows turned about the vertical, so that the body heads on as it does in the given ones beside them."""
+    """Free rows turned about the vertical to continue the heading of the given rows around them."""
     heading, *beside = (np.unwrap(np.arctan2(each[:, TURN][:, 1], each[:, TURN][:, 0]))[:, None]
                         for each in (rows, before, after))  # fmt: skip
     angle = _shift(heading, *beside, whole=True, period=2 * np.pi)[:, 0]
@@ -74,8 +67,8 @@ def _turned(rows: FloatArray, before: FloatArray, after: FloatArray) -> FloatArr
 def _shift(
     rows: FloatArray, before: FloatArray, after: FloatArray, *, whole: bool, period: float | None = None
 ) -> FloatArray:
-    """(frame, column) what is to be added to free `rows` between given ones, of which there may be none; `whole` is
-    that there is no other way back than to the next given rows. Angles have a `period`."""
+    """(frame, column) offset of free `rows` between given ones, either of which may be empty; `whole` spreads it over
+    the interval. Angles have a `period`."""
     count = len(rows)
     ends = []
     if len(before):
@@ -93,8 +86,8 @@ def _shift(
 
 
 def _carried(six: FloatArray, start: int, stop: int) -> FloatArray:
-    """(frame, 6) free rotations from `start` to `stop` of one joint, turned into what the given ones beside them lead
-    to: about one axis at an even pace, where columns that are added to would flip over half way."""
+    """(frame, 6) free rotations of one joint from `start` to `stop`, turned about a fixed axis towards the given
+    ones."""
     own = Rotation.from_matrix(from_six(six))
     free = out = own[start:stop]
     count = stop - start
@@ -111,5 +104,5 @@ def _carried(six: FloatArray, start: int, stop: int) -> FloatArray:
 
 
 def _onward(given: FloatArray) -> FloatArray:
-    """The frame that follows given ones, the nearest first, in a straight line."""
+    """Linear extrapolation of given frames, the nearest first."""
     return np.asarray(2.0 * given[0] - given[1] if len(given) > 1 else given[0])

@@ -1,4 +1,4 @@
-"""The file of a trained model: weights in half precision, and everything else that it takes, in its header."""
+"""A trained motion model and its file: weights in half precision, the rest in the header."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ FORMAT = "rfgen-motion-1"
 
 @dataclass(frozen=True)
 class MotionModel:
-    """A trained model in memory."""
+    """A trained motion model."""
 
     net: DenoisingNet
     text: TextEncoder
     hands: HandBasis
     beats: dict[str, Beat]
     mean: FloatArray
-    """(NUM_FEATURES,) of the features."""
+    """(NUM_FEATURES,) mean of the features."""
     scale: FloatArray
-    """(NUM_FEATURES,) of the features."""
+    """(NUM_FEATURES,) scale of the features."""
     facts: dict[str, Any]
-    """Seed, steps, hours."""
+    """Seed, steps, hours of the training."""
     stems: frozenset[str]
-    """Stems of the words that it was trained on."""
+    """Stems of the training words."""
     residuals: dict[str, Residual] = field(default_factory=dict)
-    """Action -> what the network misses of it; empty where that wasn't measured."""
+    """Action -> measured residual of the network; empty where there is no measurement."""
 
 
 def read_model(path: Path) -> MotionModel:
-    """Read a model, ready for sampling.
+    """A motion model from a file, ready for sampling on the CPU.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: the file is not a motion model of this version.
+        ValueError: the file is no motion model of this version.
     """
     if not path.is_file():
         raise FileNotFoundError(f"no motion model at {path}")

@@ -1,4 +1,4 @@
-"""What a motion is held to: given poses, given parts of the body."""
+"""Constraints of a motion: given poses, given parts of the body."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from rfgen_sionna.records import Motion
 
 ALL_PARTS = tuple(PARTS)
 SOFT = 0.5
-"""How a path is marked that is only roughly given."""
+"""Mark of a path that is given roughly."""
 
 
 @dataclass(frozen=True)
 class MotionConstraint:
-    """Part of a motion that must come out as it is.
+    """Part of a motion that the result keeps.
 
     `parts` are names of :data:`rfgen_sionna.generative.diffusion.features.PARTS`: the place on the floor, pelvis, legs,
     trunk, left and right arm (with the hand).
@@ -31,9 +31,9 @@ class MotionConstraint:
     motion: Motion
     parts: tuple[str, ...] = ALL_PARTS
     start: float = 0.0
-    """From this time of the motion [s] ..."""
+    """First time of the kept interval [s] ..."""
     stop: float = float("inf")
-    """... to this, both in the motion's and the result's time."""
+    """... and last one, both in the motion's and the result's time."""
 
     def __post_init__(self) -> None:
         unknown = [p for p in self.parts if p not in PARTS]
@@ -46,7 +46,7 @@ class MotionConstraint:
 
 
 def resampled_features(motion: Motion, hands: HandBasis) -> FloatArray:
-    """(frame, NUM_FEATURES) rows at 20 Hz of any motion with the body's joints, its path scaled to the mean adult."""
+    """(frame, NUM_FEATURES) rows at 20 Hz of a motion with the body's joints; the path is scaled to the mean adult."""
     scale = MEAN_ADULT.leg_length() / leg_length(motion)
     rows = encode(resample_motion(motion, FRAME_RATE), hands)
     rows[:, :3] *= scale
@@ -54,13 +54,13 @@ def resampled_features(motion: Motion, hands: HandBasis) -> FloatArray:
 
 
 def leg_length(motion: Motion) -> float:
-    """Length of the legs of whoever moves [m]."""
+    """Length of the legs of a motion's skeleton [m]."""
     legs = [motion.offsets[motion.joint_names.index(f"{s}_{j}")] for s in SIDES for j in ("knee", "ankle")]
     return 0.5 * float(np.sum(np.linalg.norm(legs, axis=-1)))
 
 
 def constrained_rows(keeps: Sequence[MotionConstraint], hands: HandBasis, frames: int) -> tuple[FloatArray, FloatArray]:
-    """(frame, NUM_FEATURES) what is given and (frame, part) where."""
+    """(frame, NUM_FEATURES) given features and (frame, part) mask of them."""
     known = np.zeros((frames, NUM_FEATURES))
     given = np.zeros((frames, len(PARTS)))
     for keep in keeps:
@@ -77,7 +77,7 @@ def constrained_rows(keeps: Sequence[MotionConstraint], hands: HandBasis, frames
 
 
 def spread(given: NDArray) -> NDArray:
-    """(frame, NUM_FEATURES) where features are given, from (frame, part)."""
+    """(frame, NUM_FEATURES) mask of given features, from (frame, part)."""
     out = np.zeros((len(given), NUM_FEATURES))
     for k, part in enumerate(ALL_PARTS):
         out[:, list(PARTS[part])] = given[:, k : k + 1] > 0.0

@@ -1,4 +1,4 @@
-"""The learned origin of motion: words in, a motion out."""
+"""Learned motion source: from words to a motion."""
 
 from __future__ import annotations
 
@@ -44,30 +44,30 @@ from rfgen_sionna.records import Motion
 
 _LOG = logging.getLogger(__name__)
 MAX_DURATION = 120.0
+"""Longest motion [s]; bounds memory."""
 WALKS = ("walk", "walk_straight")
-"""Actions that may be bent along a path."""
+"""Actions that follow a path."""
 REFINED = 0.9
-"""Noise level from which drafts are made anew, unless another is asked for."""
+"""Default noise level from which drafts are resampled; keeps their rhythm, changes their manner."""
 
 
 @dataclass(frozen=True)
 class DiffusionSource:
-    """A :class:`~rfgen_sionna.generative.motion.MotionSource` that has learned from synthesised and captured motion.
+    """A :class:`~rfgen_sionna.generative.motion.MotionSource` trained on synthesised and captured motion.
 
     The model is loaded once, at first use.
     """
 
     weights: Path | None = None
-    """Model file; None is the one that ships."""
+    """Model file; None takes the shipped one."""
     sampler: MotionSampler = field(default_factory=MotionSampler)
     manner: str = "kinematic"
-    """"kinematic" (clean, as the synthesiser moves), "mocap" (as captured people do) or "any"."""
+    """"kinematic" (clean, as synthesised), "mocap" (as captured) or "any"."""
     frame_rate: float = RATE
-    """Poses per second of what comes out [Hz]."""
+    """Poses per second of the result [Hz]."""
     refine: float | None = REFINED
-    """Noise level (0 .. 1) from which a synthesised draft of the action is redone; None samples from noise, as is done
-    in any case where there is no draft: captured actions and manners, `rhythm=False`. Around given poses and parts
-    there always is one; where nothing is synthesised, what is sampled from noise serves."""
+    """Noise level (0 .. 1) from which a synthesised draft of the action is resampled. None samples from noise, as do
+    captured actions and manners and `rhythm=False`. Given poses and parts always get a draft."""
 
     def __post_init__(self) -> None:
         if self.manner not in SOURCES:
@@ -86,7 +86,7 @@ class DiffusionSource:
 
     @property
     def arms(self) -> tuple[str, ...]:
-        """The actions that arms can do beside those of :attr:`legs`."""
+        """Arm actions that combine with those of :attr:`legs`."""
         return UPPER
 
     @property
@@ -104,10 +104,10 @@ class DiffusionSource:
         hand: str | None = None,
         speed: float = 1.0,
     ) -> Motion:
-        """A motion by the name of an action; see :class:`~rfgen_sionna.generative.motion.MotionSource`.
+        """A motion by action name; see :class:`~rfgen_sionna.generative.motion.MotionSource`.
 
         Raises:
-            ValueError: an action that the model doesn't know, or a value out of range.
+            ValueError: the model does not have the action, or a value is out of range.
         """
         known = self.model.text.actions
         if action not in known:
@@ -117,7 +117,7 @@ class DiffusionSource:
         return self.generate(prompt, duration=duration, seed=seed, skeleton=skeleton, speed=speed, action=action)
 
     def read(self, prompt: str) -> Understanding:
-        """What the model makes of a prompt.
+        """Reading of a prompt.
 
         Raises:
             ValueError: the prompt has no words.
@@ -143,22 +143,22 @@ class DiffusionSource:
         """A motion from words.
 
         Args:
-            prompt: what the person does, such as "a person walks while raising the left arm".
+            prompt: the movement, such as "a person walks while raising the left arm".
             duration: of the motion [s], at most 120.
-            seed: the same prompt and seed give the same motion.
-            negative: what it must not be.
-            skeleton: of the person; None for a mean adult.
+            seed: of all random choices.
+            negative: excluded movement.
+            skeleton: of the person; None takes a mean adult.
             speed: factor on the usual pace of a repeated action.
-            rhythm: whether a repeated action keeps a steady beat; without it the model finds its own, from noise.
-            keep: given poses or parts of the body, in the result's own place and time; a draft is laid around them.
-            path: (point, 2) places on the floor [m] that a walk passes, corners rounded, from the first when it begins
-                to the last when it ends, facing where it goes; 0.4 to 2.2 m/s.
-            action: what the words are known to mean, one of the model's actions; None leaves that to the model.
-            arms: what the arms then do beside an action of :attr:`legs`, or empty.
+            rhythm: whether a repeated action has a steady beat; otherwise the rhythm comes from noise.
+            keep: given poses or parts of the body, at the result's place and time; a draft is placed around them.
+            path: (point, 2) places on the floor [m] that a walk passes in `duration`, with rounded corners, facing
+                ahead; 0.4 to 2.2 m/s. None leaves the path free.
+            action: known meaning of the words, one of the model's actions; None takes the reading of the prompt.
+            arms: action of the arms beside an action of :attr:`legs`, or empty.
 
         Raises:
-            ValueError: a value is out of range, an action is unknown, `keep` goes on for longer than 8 s, `arms` are
-                for an action that needs them itself, or a `path` for what is no walk, or with a `speed` or a kept
+            ValueError: a value is out of range, an action is unknown, `duration` is over 8 s with `keep`, `arms` do not
+                combine with the action, or `path` is combined with an action that is no walk, a `speed` or a kept
                 place.
         """
         return self.generate_many(
@@ -190,7 +190,7 @@ class DiffusionSource:
         action: str | None = None,
         arms: str = "",
     ) -> list[Motion]:
-        """Several motions at once, which costs less than one after another; arguments as for :meth:`generate`."""
+        """Several motions in one batch, which costs less than one by one; arguments as for :meth:`generate`."""
         if not (np.isfinite(duration) and 0.0 < duration <= MAX_DURATION):
             raise ValueError(f"duration: {duration!r} s; allowed is more than 0 and at most {MAX_DURATION:g} s")
         if not 0.5 <= speed <= 2.0:
@@ -210,16 +210,18 @@ class DiffusionSource:
             raise ValueError(f"duration: {duration:g} s with keep; allowed are {LONGEST / FRAME_RATE:g} s")
         if arms and action not in LOWER:
             raise ValueError(f"arms: {arms!r} with the action {action!r}; allowed with {', '.join(LOWER)}")
-        bend: Callable[[Motion], Motion] | None = None
+        follow: Callable[[Motion], Motion] | None = None
         if path is not None:
             points = check_path(path, duration)
             if speed != 1.0:
-                raise ValueError(f"speed: {speed!r} with a path, whose length and duration tell it; allowed is 1")
+                raise ValueError(
+                    f"speed: {speed!r} with a path, whose length and duration give the speed; allowed is 1"
+                )
             if kept := {"place", "pelvis"} & {part for each in keeps for part in each.parts}:
-                raise ValueError(f"keep: {', '.join(sorted(kept))} with a path, which says where they are")
+                raise ValueError(f"keep: {', '.join(sorted(kept))} with a path, which sets them; leave them free")
             longer = (skeleton or MEAN_ADULT).leg_length() / MEAN_ADULT.leg_length()
             speed = path_pace(points, duration * longer)
-            bend = partial(follow_path, points=points, duration=duration, timed=not keeps)
+            follow = partial(follow_path, points=points, duration=duration, timed=not keeps)
             frames = frames if keeps else int(np.ceil(LONGER * duration * FRAME_RATE)) + 1
         with threads_for(len(prompts)):
             free = not keeps
@@ -228,14 +230,14 @@ class DiffusionSource:
                 self._settled(self._meaning(prompt, action, arms, path is not None), seed, negative, drawn=free)
                 for prompt, seed in zip(prompts, seeds, strict=True)
             ]
-            # the model has learned other arms with the walk that turns; beside others it lets them hang
-            lent = [k for k, said in enumerate(readings) if said.arms and said.action != "walk"]
-            asked = [known_reading(said, said.action, "") if k in lent else said for k, said in enumerate(readings)]
-            asked += [known_reading(readings[k], readings[k].arms, "") for k in lent]
+            # training data combine arms with "walk" only: sample arms of other actions separately
+            separate = [k for k, said in enumerate(readings) if said.arms and said.action != "walk"]
+            batch = [known_reading(said, said.action, "") if k in separate else said for k, said in enumerate(readings)]
+            batch += [known_reading(readings[k], readings[k].arms, "") for k in separate]
             drafted, spare = rhythm and self.refine is not None, SPARE if free else LATEST
             requests = [
                 self._request(said, seed, negative, frames, speed, rhythm, drafted=drafted, spare=spare)
-                for said, seed in zip(asked, [*seeds, *(seeds[k] for k in lent)], strict=True)
+                for said, seed in zip(batch, [*seeds, *(seeds[k] for k in separate)], strict=True)
             ]
             if not free:
                 size = min(max(frames, SHORTEST), LONGEST)
@@ -250,7 +252,7 @@ class DiffusionSource:
             else:
                 whole = sample_in_segments(self.model, self.sampler, requests, size, self.refine or REFINED)
                 made = [move_back(each, first, frames) for each, first in zip(whole, begun, strict=True)]
-            for k, rows in zip(lent, made[len(prompts) :], strict=True):
+            for k, rows in zip(separate, made[len(prompts) :], strict=True):
                 said = readings[k]
                 made[k] = replace_parts(made[k], rows, arms_of(said.arms, choose_hand(said.arms, said.hand, seeds[k])))
             for said, request, prompt, features in zip(readings, requests, prompts, made, strict=False):
@@ -259,27 +261,28 @@ class DiffusionSource:
                     if free
                     else limit_speed(features, untouched)
                 )
-                motion = to_motion(rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs, bend=bend)
+                motion = to_motion(
+                    rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs, follow=follow
+                )
                 if said.hand == "both":
                     hand = choose_hand(said.arms or said.action, "", request.seed)
                     motion = both_hands(motion, hand, still=not said.arms)
                 out.append(replace(motion, prompt=prompt, seed=request.seed, action=request.action))
             return out
 
-    def _meaning(self, prompt: str, action: str | None, arms: str, bent: bool) -> Understanding:
-        """The reading of a prompt, of which the action may be known, or that it is bent along a path."""
+    def _meaning(self, prompt: str, action: str | None, arms: str, on_path: bool) -> Understanding:
+        """Reading of a prompt with a known action, or of a walk along a path."""
         said = self.read(prompt)
         if action is not None:
             said = known_reading(said, action, arms)
-        if bent and said.action not in WALKS:
+        if on_path and said.action not in WALKS:
             raise ValueError(f"path: {prompt!r} means '{said.action}'; allowed is a walk")
         for sentence in said.warnings:
             _LOG.warning(sentence)
-        return known_reading(said, "walk_straight", said.arms) if bent else said
+        return known_reading(said, "walk_straight", said.arms) if on_path else said
 
     def _settled(self, said: Understanding, seed: int, negative: str, *, drawn: bool) -> Understanding:
-        """The reading with what its words leave open decided: by the negative prompt, and from the seed if `drawn`, so
-        that the label says what is shown."""
+        """The reading with its alternatives decided by the negative prompt, and from the seed if `drawn`."""
         arms = said.arms if said.action in LOWER else ""
         left = said.alternatives if drawn and said.known else []
         if negative.strip():
@@ -288,7 +291,7 @@ class DiffusionSource:
             for sentence in denied.warnings:
                 _LOG.warning(sentence.replace("prompt:", "negative:", 1))
             if not left and denied.action == said.action:
-                _LOG.warning("negative: %r is what %r asks for, and has no effect", negative, said.prompt)
+                _LOG.warning("negative: %r excludes the action of %r itself, and has no effect", negative, said.prompt)
         if len(left) > 1 or (negative.strip() and left):
             shares = np.array([share for _, share in left])
             chosen = int(np.random.default_rng([seed, 29]).choice(len(left), p=shares / shares.sum()))
@@ -313,10 +316,10 @@ class DiffusionSource:
         spare: int = SPARE,
     ) -> MotionRequest:
         action, arms = said.action, said.arms
-        if said.hand == "both":  # the other arm mirrors this one afterwards
+        if said.hand == "both":  # mirrored afterwards
             said = replace(said, hand=choose_hand(arms or action, "", seed), rephrase=True)
-        # what isn't known is asked for by the nearest action's own words, and what was missed by plainer ones
-        words = _is_plain(said) if said.rephrase or (action in CLAUSES and not said.known) else said.prompt
+        # unknown or misread words are replaced by a plain sentence
+        words = _plain_sentence(said) if said.rephrase or (action in CLAUSES and not said.known) else said.prompt
         beat = None
         if rhythm and action in self.model.beats:
             rng = np.random.default_rng([seed, 23])
@@ -342,7 +345,7 @@ def _check_seed(seed: int) -> None:
         raise ValueError(f"seed: {seed!r}; a whole number of at least 0 is needed")
 
 
-def _is_plain(said: Understanding) -> str:
+def _plain_sentence(said: Understanding) -> str:
     plain = canonical_sentence(said.action, said.hand if said.action in ACTIONS and ACTIONS[said.action].hands else "")
     return f"{plain} while {doing(said.arms, said.hand)}" if said.arms else plain
 

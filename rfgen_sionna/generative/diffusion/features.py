@@ -1,8 +1,8 @@
-"""Motion as the rows of numbers that the model sees, and back.
+"""Feature rows of a motion: its representation in the model.
 
-A row is one pose at 20 Hz on the mean adult: root position and orientation, joint rotations as the first two
-columns of their matrices (Zhou et al. 2019), wrists, ankles and toes from the root, contacts, and a few numbers a
-hand. Rotations lose nothing; fingers are kept as far as the hand's components reach.
+A row is one pose at 20 Hz on the mean adult: root position and orientation, joint rotations as the first two columns of
+their matrices (Zhou et al. 2019), wrists, ankles and toes relative to the root, contacts, and principal components of
+the fingers. All but the fingers is lossless.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
@@ -21,14 +22,15 @@ from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, forw
 from rfgen_sionna.records import Motion
 
 FRAME_RATE = 20.0
-"""Poses per second of everything the model sees [Hz]."""
+"""Poses per second of feature rows [Hz]."""
 HAND_COMPONENTS = 6
+"""Principal components of the fingers of a hand."""
 HAND_JOINTS = {
     side: tuple(j for j, name in enumerate(JOINT_NAMES) if j >= NUM_BODY_JOINTS and name.startswith(side))
     for side in ("left", "right")
 }
 TRACKED = tuple(JOINT[f"{s}_{j}"] for j in ("wrist", "ankle", "foot") for s in ("left", "right"))
-"""Joints whose positions are features beside the rotations."""
+"""Joints whose positions are features."""
 
 ROOT = slice(0, 3)
 TURN = slice(3, 9)
@@ -39,7 +41,7 @@ HANDS = slice(CONTACTS.stop, CONTACTS.stop + 2 * HAND_COMPONENTS)
 NUM_FEATURES = HANDS.stop
 
 MIRROR_ROTVEC = np.array([-1.0, 1.0, -1.0])
-"""Factors of the components of a rotation vector in a mirror image, left for right."""
+"""Signs of a rotation vector's components in a mirror image, left for right."""
 
 
 def _columns(joints: tuple[str, ...], tracked: tuple[str, ...] = ()) -> list[int]:
@@ -75,12 +77,12 @@ PARTS = MappingProxyType(
         "right_arm": tuple(_arm("right")),
     }
 )
-"""Part of the body that can be kept while the rest is made -> its columns. Parts share no column and leave none out."""
+"""Part of the body -> its columns; every column has one part."""
 
 
 @dataclass(frozen=True)
 class HandBasis:
-    """Linear components of the finger rotations of a left hand; right hands are mirrored."""
+    """Principal components of the finger rotations of a left hand; right hands are mirrored."""
 
     mean: FloatArray
     """(45,) rotation vectors of the 15 finger joints of a relaxed hand [rad]."""
@@ -103,9 +105,9 @@ class HandBasis:
 
 
 def encode(motion: Motion, hands: HandBasis) -> FloatArray:
-    """(frame, NUM_FEATURES) of a motion with the body's 22 joints, with or without fingers, on the mean adult.
+    """(frame, NUM_FEATURES) rows of a motion with SMPL's 22 body joints, with or without fingers.
 
-    Heights and distances are taken as they are: the motion's legs must have the mean adult's length.
+    Lengths are unscaled: the motion's legs must have the mean adult's length.
 
     Raises:
         ValueError: the motion lacks joints of the body.
@@ -129,7 +131,7 @@ def encode(motion: Motion, hands: HandBasis) -> FloatArray:
 
 
 def decode(features: FloatArray, hands: HandBasis, frame_rate: float, *, action: str = "") -> Motion:
-    """The motion of (frame, NUM_FEATURES) rows on the mean adult; rotations are made orthonormal."""
+    """The motion of (frame, NUM_FEATURES) rows on the mean adult; rotations become orthonormal."""
     n = len(features)
     local = np.empty((n, len(JOINT_NAMES), 3, 3))
     local[:, 0] = from_six(features[:, TURN])
@@ -149,7 +151,7 @@ def decode(features: FloatArray, hands: HandBasis, frame_rate: float, *, action:
 
 
 def from_six(six: FloatArray) -> FloatArray:
-    """(..., 3, 3) rotations whose first two columns come from (..., 6) by Gram-Schmidt."""
+    """(..., 3, 3) rotations from their first two columns (..., 6), by Gram-Schmidt."""
     a, b = six[..., :3], six[..., 3:]
     x = a / np.maximum(np.linalg.norm(a, axis=-1, keepdims=True), 1e-9)
     b = b - np.sum(x * b, axis=-1, keepdims=True) * x
@@ -172,12 +174,12 @@ def joint_positions(features: FloatArray) -> FloatArray:
 
 
 def heading(features: FloatArray) -> FloatArray:
-    """(frame,) direction that the pelvis faces, seen from above [rad], unwrapped."""
+    """(frame,) direction of the pelvis in the horizontal plane [rad], unwrapped."""
     return np.unwrap(np.arctan2(features[:, TURN.start + 1], features[:, TURN.start]))
 
 
 def turned(features: FloatArray, yaw: float) -> FloatArray:
-    """Feature rows of the motion turned by `yaw` [rad] about the vertical through the origin."""
+    """Feature rows turned by `yaw` [rad] about the vertical through the origin."""
     c, s = np.cos(yaw), np.sin(yaw)
     matrix = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     out = features.copy()
@@ -195,9 +197,9 @@ def recentred(features: FloatArray, frame: int = 0) -> FloatArray:
 
 
 def mirrored(features: FloatArray) -> FloatArray:
-    """Feature rows of the motion seen in a mirror: left becomes right."""
+    """Feature rows of the mirrored motion, left for right."""
     flip = np.array([1.0, -1.0, 1.0])
-    # a rotation R becomes M R M: the signs of the first column's y, and of the second column's x and z, change
+    # a rotation R becomes M R M
     flip_six = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     n = len(features)
     out = features.copy()
@@ -224,17 +226,23 @@ _SWAPPED = _swapped()
 
 
 def arms_of(action: str, hand: str) -> list[str]:
-    """The arms that an action of the arms uses."""
+    """Arms that an action of the arms uses."""
     return {"left_arm_raised": ["left_arm"], "right_arm_raised": ["right_arm"]}.get(
         action, [f"{hand}_arm"] if hand else ["left_arm", "right_arm"]
     )
 
 
 def replace_parts(base: FloatArray, other: FloatArray, parts: Sequence[str]) -> FloatArray:
-    """Feature rows of `base` with the parts of the body from `other`; positions follow from the rotations."""
+    """Feature rows of `base` with parts of the body from `other`; positions follow from the rotations."""
     out = base.copy()
     for part in parts:
         out[:, list(PARTS[part])] = other[:, list(PARTS[part])]
     places = joint_positions(out)[:, list(TRACKED)] - out[:, None, ROOT]
     out[:, TRACKED_POSITIONS] = places.reshape(len(out), -1)
     return out
+
+
+def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """(first, last + 1) of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

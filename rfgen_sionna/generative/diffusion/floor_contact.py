@@ -1,4 +1,4 @@
-"""Bodies that fall, roll and stand on their hands over the floor, and not through it."""
+"""Contact of bodies and hands with the floor, and self-penetration of the arms."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rfgen_sionna.generative.motion.tracks import clear_of_body
 from rfgen_sionna.records import Motion
 
 _EASE = 0.1
-"""Time [s] over which a body is lifted and let down again."""
+"""Time over which a body or hand is lifted and lowered [s]; bounds the acceleration."""
 _FLESH_THICKNESS = MappingProxyType(
     {
         "pelvis": 0.1, "spine1": 0.1, "spine2": 0.1, "spine3": 0.1, "neck": 0.06, "head": 0.09,
@@ -34,12 +34,11 @@ _FLESH_THICKNESS = MappingProxyType(
         )},
     }
 )  # fmt: skip
-"""Joint -> how far the body reaches around it, at least [m]. Feet have their own way to the floor, as far as legs
-that lie on it can bend."""
+"""Joint -> least thickness of the body around it [m]. Feet are corrected separately."""
 
 
 def keep_body_above_floor(motion: Motion) -> Motion:
-    """The motion with its root raised as far as its joints, flesh included, would be under the floor z = 0."""
+    """The motion with its root raised so that no joint, flesh included, is below the floor z = 0."""
     world = global_rotations(to_matrices(motion.rotations), motion.parents)
     places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
     joints = [JOINT[name] for name in _FLESH_THICKNESS]
@@ -47,7 +46,7 @@ def keep_body_above_floor(motion: Motion) -> Motion:
     if not missing.any():
         return motion
     width = _EASE * motion.frame_rate
-    # at least what is missing everywhere, and smooth
+    # smooth upper envelope
     reach = max(1, round(2.0 * width))
     lift = gaussian_filter1d(maximum_filter1d(missing, 2 * reach + 1), width, mode="nearest", radius=reach)
     translation = motion.translation.copy()
@@ -56,12 +55,11 @@ def keep_body_above_floor(motion: Motion) -> Motion:
 
 
 def separate_arms_from_trunk(motion: Motion, skeleton: Skeleton) -> Motion:
-    """The motion with each arm turned outwards at the shoulder until its wrist is as clear of the trunk as this body
-    needs it, as synthesised motion has it from the start.
+    """The motion with each arm turned outwards at the shoulder until its wrist is clear of the trunk.
 
     Args:
         motion: on `skeleton`.
-        skeleton: whose `arm_slope` it is.
+        skeleton: gives `arm_slope`.
     """
     world = global_rotations(to_matrices(motion.rotations), motion.parents)
     places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
@@ -76,7 +74,7 @@ def separate_arms_from_trunk(motion: Motion, skeleton: Skeleton) -> Motion:
         turn = chest @ between(seen * mirror, wanted * mirror) @ transpose(chest)
         local = transpose(world[:, motion.parents[shoulder]]) @ turn @ world[:, shoulder]
         q = to_quaternions(local)
-        # the sign that they had, so that splines through them stay short
+        # signs stay continuous
         rotations[:, shoulder] = q * np.where(
             np.sum(q * rotations[:, shoulder], axis=-1, keepdims=True) < 0.0, -1.0, 1.0
         )
@@ -84,17 +82,15 @@ def separate_arms_from_trunk(motion: Motion, skeleton: Skeleton) -> Motion:
 
 
 _CLEARANCE = 0.02
-"""Height [m] over the floor that fingertips keep: half a finger's thickness, and what bodies are grounded to."""
-_EASE = 0.1
-"""Time [s] over which a hand is lifted and let down again."""
+"""Least height of fingertips over the floor [m]: half a finger's thickness."""
 
 
 def keep_hands_above_floor(motion: Motion, skeleton: Skeleton) -> Motion:
-    """The motion with each arm drawn in as far as its fingertips would be under the floor.
+    """The motion with each arm drawn in so that no fingertip is below the floor.
 
     Args:
-        motion: on `skeleton`, with its 52 joints and the floor at z = 0.
-        skeleton: whose arms they are.
+        motion: on `skeleton`, 52 joints, floor at z = 0.
+        skeleton: lengths of the arms.
     """
     world = global_rotations(to_matrices(motion.rotations), motion.parents)
     places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
@@ -109,13 +105,13 @@ def keep_hands_above_floor(motion: Motion, skeleton: Skeleton) -> Motion:
         shoulder, elbow, wrist = (JOINT[f"{side}_{j}"] for j in ("shoulder", "elbow", "wrist"))
         start, end = places[at, shoulder], places[at, wrist]
         lengths = skeleton.length(f"{side}_elbow"), skeleton.length(f"{side}_wrist")
-        # where the elbow's hinge lets it bend, which is smooth for straight arms too
+        # bend direction of the elbow's hinge, smooth for straight arms too
         pole = -world[at, shoulder] @ X
-        # from the same solution without the lift: what is not lifted is not turned, straight arms neither
+        # relative to the solution without lift, so that a zero lift turns nothing
         _, *before = two_bone(start, end, pole, *lengths)
         _, *after = two_bone(start, end + lift[at, None] * Z, pole, *lengths)
         upper, fore = (new @ transpose(old) for new, old in zip(after, before, strict=True))
-        # the hand keeps its attitude
+        # the hand keeps its orientation
         turned = {shoulder: upper @ world[at, shoulder], elbow: fore @ world[at, elbow], wrist: world[at, wrist]}
         above = {shoulder: world[at, motion.parents[shoulder]], elbow: turned[shoulder], wrist: turned[elbow]}
         for joint, rotation in turned.items():
@@ -126,7 +122,7 @@ def keep_hands_above_floor(motion: Motion, skeleton: Skeleton) -> Motion:
 
 
 def _lowest(places: FloatArray, side: str) -> FloatArray:
-    """(frame,) height of the lowest fingertip [m]; the last bone is about as long as the one before it."""
+    """(frame,) height of the lowest fingertip [m]; the last bone is about as long as the one before."""
     tips = []
     for finger in FINGERS:
         middle, last = (places[:, JOINT[f"{side}_{finger}{k}"]] for k in (2, 3))

@@ -1,4 +1,4 @@
-"""Planted feet that stay where they are: the legs follow by inverse kinematics."""
+"""Planted feet without sliding: the legs follow by inverse kinematics."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.diffusion.features import runs
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.rotations import X, normalised, to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import (
@@ -24,34 +25,33 @@ from rfgen_sionna.generative.motion.skeleton import (
 from rfgen_sionna.records import Motion
 
 _SHORTEST = 0.13
-"""Plants shorter than this are taken for noise [s]."""
+"""Duration below which a plant counts as noise [s]."""
 _ROLLING = 0.012
-"""By how much the toes are higher than the heel while a foot rolls on its heel [m]."""
+"""Height of the toes over the heel while the foot rolls on its heel [m]; above the noise of flat feet."""
 _RIDE = 0.06
-"""Time over which the pelvis is moved to the floor [s]."""
+"""Width of the smoothing of the pelvis' height [s]."""
 _SWINGS = 2.0
-"""Speed from which a foot is taken to be swinging, whatever its contacts say; beyond twice that it surely is [m/s],
-for the legs of a mean adult."""
+"""Speed of a foot from which its contact loses weight, to none at twice that [m/s, mean adult]."""
 _CLEAR = 0.018
-"""Height at which a swinging foot clears the floor, halfway [m]."""
+"""Clearance of a swinging foot at mid-swing [m]."""
 _RELEASE = 0.07
-"""Half the time that a planted foot takes to be set anew [s]."""
+"""Half the time in which a planted foot is placed anew [s]."""
 _EASE = 0.15
-"""Time over which the feet are let go before legs that stay as they are [s]."""
+"""Time of the transition to fixed legs [s]."""
 _FURTHEST = 0.12
-"""The most that a planted foot is moved [m]; a plant that drifts further is taken in pieces."""
+"""Largest shift of a planted foot [m]; a longer drift is split."""
 
 
 def lock_feet(
     motion: Motion, skeleton: Skeleton = MEAN_ADULT, *, ride: bool = True, fixed_legs: NDArray[np.bool_] | None = None
 ) -> Motion:
-    """The motion with toes held still while they are planted and no foot under the floor.
+    """The motion with planted toes held still and no foot below the floor.
 
     Args:
         motion: on `skeleton`, with contacts; without them only the floor is kept.
-        skeleton: whose legs they are.
-        ride: whether the pelvis may be raised or lowered to put the lower planted foot on the floor.
-        kept: (frame,) where the legs stay as they are, whatever the feet do; None: nowhere.
+        skeleton: lengths of the legs.
+        ride: whether the pelvis moves vertically to put the lower planted foot on the floor.
+        fixed_legs: (frame,) frames whose legs stay unchanged; None fixes none.
     """
     hold = np.ones(len(motion.translation)) if fixed_legs is None else _away_from(fixed_legs, _EASE * motion.frame_rate)
     moved = hold > 0.0
@@ -59,10 +59,9 @@ def lock_feet(
     root = motion.translation.copy()
     places = forward_kinematics(world, root, motion.offsets, motion.parents)
     low = np.stack([_clearance(places, world, skeleton, side) for side in SIDES], axis=-1)
-    # feet of somebody who stands on his hands are not planted, whatever is said of them
+    # high feet are not planted (handstand)
     contacts = None if motion.contacts is None else motion.contacts & (low < PLANTED_BELOW)
     if ride and contacts is not None and contacts.any():
-        # the pelvis rides where the lower of the planted feet is on the floor
         planted = np.where(contacts, low, np.inf).min(axis=-1)
         at = np.flatnonzero(np.isfinite(planted))
         rise = np.interp(np.arange(len(planted)), at, planted[at])
@@ -96,10 +95,9 @@ def lock_feet(
 
 
 def root_from_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
-    """The motion with the pelvis moving over the floor as its planted feet say.
+    """The motion with the pelvis moved over the floor so that planted feet do not slide.
 
-    Steps and path are made separately and need not agree; what is seen of sliding is mostly that. Where no foot is
-    planted the pelvis moves as before.
+    The pelvis stays where no foot is planted.
     """
     if motion.contacts is None or len(motion.translation) < 4:
         return motion
@@ -115,7 +113,7 @@ def root_from_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
         step = np.where((rolling[1:] & rolling[:-1])[:, None], np.diff(heel, axis=0), np.diff(toe, axis=0))[:, :2]
         down = motion.contacts[:, i] & (_clearance(places, world, skeleton, side) < PLANTED_BELOW)
         planted = (down[1:] & down[:-1])[:, None].astype(float)
-        # a foot that is called planted while it swings doesn't take the body along
+        # contacts of fast feet are wrong
         speed = np.linalg.norm(step, axis=-1, keepdims=True) * motion.frame_rate
         total += planted * step * np.clip(2.0 - speed / fast, 0.0, 1.0)
         weight += planted
@@ -127,44 +125,37 @@ def root_from_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
 
 
 def _clearance(places: FloatArray, world: FloatArray, skeleton: Skeleton, side: str) -> FloatArray:
-    """(frame,) height of toe joint over its rest, or of the heel, whichever is lower [m]."""
+    """(frame,) height of the toe joint over its rest or of the heel, whichever is lower [m]."""
     ankle = JOINT[f"{side}_ankle"]
-    # the heel moves with the foot's own rotation
     heel = places[:, ankle, 2] + (world[:, ankle] @ skeleton.heel[SIDES.index(side)])[:, 2]
     return np.minimum(places[:, JOINT[f"{side}_foot"], 2] - skeleton.toe_height, heel)
 
 
 def _swing_height(swinging: NDArray[np.bool_], rate: float) -> FloatArray:
-    """(frame,) the least height of a foot that swings [m]: it clears the floor between two plants."""
+    """(frame,) least height of a swinging foot [m]."""
     out = np.zeros(len(swinging))
     for first, last in runs(swinging):
         if last - first >= _SHORTEST * rate:
             s = (np.arange(first, last) - first + 1) / (last - first + 1)
-            # off the floor before it is fast: feet that skim the last decimetres look like feet that slide
+            # rises early, before the foot is fast
             out[first:last] = _CLEAR * (1.0 - (2.0 * s - 1.0) ** 6)
     return out
 
 
 def _away_from(fixed_legs: NDArray[np.bool_], ease: float) -> FloatArray:
-    """(frame,) 0 where `fixed_legs`, from there rising smoothly to 1 over `ease` frames."""
+    """(frame,) 0 in `fixed_legs`, rising smoothly to 1 over `ease` frames."""
     if not fixed_legs.any():
         return np.ones(len(fixed_legs))
     s = np.minimum(distance_transform_edt(~fixed_legs) / max(ease, 1.0), 1.0)
     return np.asarray(s * s * (3.0 - 2.0 * s), np.float64)
 
 
-def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """(first, past the last) of each stretch of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def _hold(
     toe: FloatArray, heel: FloatArray, rolling: NDArray[np.bool_], down: NDArray[np.bool_], rate: float
 ) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Which frames are held, and the (frame, 3) shift that holds them.
+    """(frame,) held frames, and their (frame, 3) shift.
 
-    A foot that comes down on its heel (`rolling`) has the heel where it is once the toes are down; then the toes stay.
+    A foot that lands on its heel (`rolling`) keeps the heel where it is as the toes land; then the toes stay.
     """
     held = np.zeros(len(toe), bool)
     offset = np.zeros_like(toe)
@@ -182,7 +173,6 @@ def _hold(
             if drift > _FURTHEST or stop == last:
                 offset[start:stop, :2] = spot - toe[start:stop, :2]
                 if stop < last:
-                    # a foot that must let go does so over a few poses
                     held[stop - release : stop + release] = False
                 start = stop
         if landed > first:
@@ -194,7 +184,7 @@ def _hold(
 
 
 def _between(held: NDArray[np.bool_], offset: FloatArray) -> FloatArray:
-    """Shifts that run smoothly from one held stretch to the next."""
+    """Shifts interpolated smoothly between held intervals."""
     at = np.flatnonzero(held)
     if not len(at):
         return np.zeros_like(offset)

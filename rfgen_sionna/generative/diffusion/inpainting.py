@@ -1,6 +1,6 @@
-"""Drafts around given poses: what comes before and after them as the action would, and where it would.
+"""Drafts around given poses: the action before, between and after them, in their place.
 
-From noise alone the network begins at its own origin, wherever the given poses are, and gets to them in a jump.
+From noise alone the network starts at its own origin, away from the given poses.
 """
 
 from __future__ import annotations
@@ -22,28 +22,29 @@ from rfgen_sionna.generative.diffusion.features import (
     TURN,
     heading,
     recentred,
+    runs,
     turned,
 )
 from rfgen_sionna.generative.diffusion.motion_sampling import LONGEST, MotionRequest, MotionSampler
 
 _WHERE = [list(PARTS).index(part) for part in ("place", "pelvis")]
 LATEST = 60
-"""Frames by which a draft may be late at most, for its pose to be near to the given one where the two meet."""
+"""Largest delay of a draft [frames] in search of a pose near the given one."""
 
 
 def drafts_around_constraints(
     model: MotionModel, sampler: MotionSampler, requests: Sequence[MotionRequest], known: FloatArray, given: FloatArray
 ) -> tuple[list[MotionRequest], list[FloatArray]]:
-    """The wishes with given poses and drafts around them, all moved to where motions begin for the network.
+    """Requests with given poses and drafts around them, moved to the network's origin.
 
     Args:
-        model, sampler: draw a draft where a wish has none.
-        wishes: their drafts are longer than the motion by up to `LATEST`.
-        known: (frame, NUM_FEATURES) what is given.
-        given: (frame, part) where it is.
+        model, sampler: sample a draft for requests without one.
+        requests: drafts are up to `LATEST` frames longer than the motion.
+        known: (frame, NUM_FEATURES) given features.
+        given: (frame, part) mask of them.
 
     Returns:
-        the wishes, and of each the first row of its draft in the given poses' own place, see :func:`move_back`.
+        the requests, and the first row of each draft before the move, for :func:`move_back`.
     """
     free = [w for w in requests if w.draft is None]
     drawn = iter(sampler(model, free, min(len(known) + LATEST, LONGEST)) if free else ())
@@ -60,30 +61,29 @@ def drafts_around_constraints(
 
 
 def draft_around(draft: FloatArray, known: FloatArray, given: FloatArray) -> FloatArray:
-    """(frame, NUM_FEATURES) what is given, and the draft before, between and after it, turned and shifted to it.
+    """(frame, NUM_FEATURES) given rows, and the draft before, between and after them, turned and shifted to them.
 
     Args:
-        draft: (frame or more, NUM_FEATURES) the action; each free stretch takes what of it is nearest where they meet.
-        known: (frame, NUM_FEATURES) what is given.
-        given: (frame, part) where it is. Where place or pelvis are not, the draft stays where it is.
+        draft: (frame or more, NUM_FEATURES) the action; each free interval takes its part that is nearest at the joint.
+        known: (frame, NUM_FEATURES) given features.
+        given: (frame, part) mask of them. The draft stays where place or pelvis are free.
     """
     fixed = (given[:, _WHERE] == 1.0).all(axis=1)
     here = spread((given == 1.0).astype(np.float64)) > 0.0
     out = draft[: len(known)].copy()
-    for k in np.flatnonzero(fixed).tolist():  # parts that are not given move along with those that are
+    for k in np.flatnonzero(fixed).tolist():  # free parts move along
         out[k] = _moved_to(out[k : k + 1], 0, known[k])[0]
     if fixed.any():
-        edges = np.flatnonzero(np.diff(np.concatenate([[True], fixed, [True]]).astype(np.int8))).reshape(-1, 2)
         latest = min(LATEST, len(draft) - len(known))
-        for start, stop in edges.tolist():
-            at = start - 1 if start > 0 else stop  # the given pose that the stretch begins after, or ends before
+        for start, stop in runs(~fixed):
+            at = start - 1 if start > 0 else stop  # given pose at the joint
             late = _nearest(draft[at : at + latest + 1], known[at], here[at])
             out[start:stop] = _moved_to(draft, at + late, known[at])[start + late : stop + late]
     return np.where(here, known, out)
 
 
 def _nearest(rows: FloatArray, pose: FloatArray, here: NDArray[np.bool_]) -> int:
-    """Which row has the pose that is nearest to a given one, of which the columns `here` count."""
+    """Index of the row nearest to a pose, by the columns `here`."""
     poses = np.concatenate([recentred(rows[k : k + 1]) for k in range(len(rows))])
     columns = [c for c in (2, *range(TURN.start, TRACKED_POSITIONS.stop)) if here[c]]
     away = poses[:, columns] - recentred(pose[None])[:, columns]
@@ -91,15 +91,15 @@ def _nearest(rows: FloatArray, pose: FloatArray, here: NDArray[np.bool_]) -> int
 
 
 def _moved_to(draft: FloatArray, joint_frame: int, pose: FloatArray) -> FloatArray:
-    """The draft turned and shifted so that at `joint_frame` it is where a pose is, and heads where that does."""
+    """The draft turned and shifted to a pose at `joint_frame`."""
     out = turned(recentred(draft, joint_frame), float(heading(pose[None])[0]))
     out[:, :2] += pose[:2] - out[joint_frame, :2]
     return out
 
 
 def move_back(rows: FloatArray, first: FloatArray, frames: int) -> FloatArray:
-    """(frames, NUM_FEATURES) rows that begin at the origin, moved to where the draft's `first` (NUM_FEATURES,) was; one
-    more than there are goes straight on."""
+    """(frames, NUM_FEATURES) rows from the origin, moved to a draft's `first` row (NUM_FEATURES,); a missing last row
+    is extrapolated."""
     if len(rows) < frames:
         onward = 2.0 * rows[-1:] - rows[-2:-1]
         onward[:, CONTACTS] = rows[-1:, CONTACTS]

@@ -1,11 +1,12 @@
-"""From noise, or from a noised draft, to features: the reverse process."""
+"""Reverse process: features from noise or from a noised draft; long motions in overlapping segments."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import torch
@@ -33,51 +34,50 @@ from rfgen_sionna.generative.motion import ACTIONS
 from rfgen_sionna.parallel import one_blas_thread
 
 SHORTEST, LONGEST = 32, 160
-"""Frames that the model makes at once."""
+"""Range of frames of one sample."""
 GESTURES = ("swipe_left", "swipe_right", "push", "pull", "circle_clockwise", "circle_counterclockwise", "click",
             "finger_swing")  # fmt: skip
-"""Actions of one hand of people who stand."""
+"""One-handed actions of a standing person."""
 CUTOFFS = MappingProxyType({"kinematic": 6.0, "mocap": 8.5, "any": 6.0})
-"""Manner -> cut-off of the low-pass on the result [Hz]: captured people, and their markers, shake faster."""
+"""Manner -> cut-off of the low-pass on the result [Hz]; captured people and their markers shake faster."""
 STILL_CUTOFF = 2.5
-"""The same for what only keeps its place [Hz]: the whole body in held poses, all but the working arm in gestures. What
-tremor the network leaves there would be most of the movement."""
+"""Cut-off for still body parts [Hz]: the whole body in postures, all but the working arm in gestures."""
 
 
 @dataclass(frozen=True)
 class MotionRequest:
-    """One motion to be made."""
+    """Request for one motion."""
 
     prompt: str
     seed: int
     negative: str = ""
     beat: FloatArray | None = None
-    """(frame, 3), see :mod:`rfgen_sionna.generative.diffusion.rhythm`; None for none."""
+    """(frame, 3), see :mod:`rfgen_sionna.generative.diffusion.rhythm`; None leaves the rhythm free."""
     known: FloatArray | None = None
-    """(frame, NUM_FEATURES) given features, in their own units."""
+    """(frame, NUM_FEATURES) given features in their own units; None gives none."""
     given: FloatArray | None = None
-    """(frame, part) 1 where `known` holds, 0 where the model is free."""
+    """(frame, part) 1 where `known` holds, 0 elsewhere."""
     draft: FloatArray | None = None
-    """(frame, NUM_FEATURES) to start from."""
+    """(frame, NUM_FEATURES) start of the reverse process; None starts from noise."""
     action: str = ""
-    """The action as it was understood; what the network is known to miss of it is put back."""
+    """Action, for the correction of its residual."""
     source: str = "kinematic"
-    """Whose manner: "kinematic", "mocap" or "any"."""
+    """Manner: "kinematic", "mocap" or "any"."""
 
 
 @dataclass(frozen=True)
 class MotionSampler:
-    """How the reverse process is run."""
+    """Options of the reverse process."""
 
     kind: str = "ddim"
     """"ddim" or "dpm"."""
     steps: int = 16
     guidance: float = 2.0
-    """1 follows the prompt as learned, more exaggerates it; over 3 static poses collapse."""
+    """1 follows the prompt as learned, more exaggerates it; static poses collapse above 3."""
     strength: float = 1.0
-    """For drafts: how far up in noise to start; below 0.85 little changes."""
+    """Noise level from which a draft is resampled; little changes below 0.85."""
     cutoff: float | None = None
-    """Of the low-pass on the result [Hz]; None is that of the manner, `CUTOFFS`."""
+    """Cut-off of the low-pass on the result [Hz]; None takes that of the manner, `CUTOFFS`."""
 
     def __post_init__(self) -> None:
         make_scheduler(self.kind)
@@ -92,12 +92,15 @@ class MotionSampler:
 
     @torch.no_grad()
     def __call__(self, model: MotionModel, requests: Sequence[MotionRequest], frames: int) -> FloatArray:
-        """(wish, frame, NUM_FEATURES) features in their own units.
+        """(motion, frame, NUM_FEATURES) features in their own units.
 
         Args:
             model: the trained model.
-            wishes: one motion each; a wish's result doesn't depend on the others beyond rounding.
+            requests: one for each motion; results are independent of each other up to rounding.
             frames: of each motion, from `SHORTEST` to `LONGEST`.
+
+        Raises:
+            ValueError: `frames` is out of range, or only some requests have drafts.
         """
         if not SHORTEST <= frames <= LONGEST:
             raise ValueError(f"frames: {frames}; allowed are {SHORTEST} to {LONGEST}")
@@ -129,7 +132,7 @@ class MotionSampler:
             clean = correct(clean, x, float(shares[t]))
             clean = torch.where(hard > 0.0, known, clean)
             x = scheduler.step(clean, t, x).prev_sample
-        # the last guess: the scheduler would leave a hundredth of the noise in
+        # the last guess, without the scheduler's remaining noise
         rows = _joined(clean.double().numpy()[:, :frames] * model.scale + model.mean, requests)
         smooth = np.empty_like(rows)
         for source in {w.source for w in requests}:
@@ -140,36 +143,36 @@ class MotionSampler:
                 calm = still_columns(request)
                 smooth[k][:, calm] = low_pass(rows[k : k + 1], STILL_CUTOFF)[0][:, calm]
         kept = (hard > 0.0).numpy()[:, :frames]
-        # the low-pass takes a little off where given poses end
+        # the low-pass changes the ends of given poses
         return _joined(np.where(kept, known.double().numpy()[:, :frames] * model.scale + model.mean, smooth), requests)
 
     def guess(self, model: MotionModel, x: Tensor, level: Tensor, conditions: Conditions) -> Tensor:
-        """The guided guess of the clean motions."""
+        """Guided guess of the clean motions."""
         n = len(x)
         if self.guidance == 1.0:
             return model.net(x, level.expand(n), conditions)
         both = _doubled(conditions)
-        free, told = model.net(torch.cat([x, x]), level.expand(2 * n), both).chunk(2)
-        return free + self.guidance * (told - free)
+        free, guided = model.net(torch.cat([x, x]), level.expand(2 * n), both).chunk(2)
+        return free + self.guidance * (guided - free)
 
     def _from_draft(
         self,
         model: MotionModel,
-        scheduler: object,
+        scheduler: Any,
         requests: Sequence[MotionRequest],
         start: int,
         noise: Tensor,
         padded: int,
     ) -> tuple[list[int], Tensor]:
-        """The scheduler's steps from `start` down, and the drafts noised as far."""
+        """Steps of the scheduler from `start` down, and the noised drafts."""
         drafts = []
         for request in requests:
             if request.draft is None:
-                raise ValueError("draft: some of the wishes have one and some don't; make them apart")
+                raise ValueError("draft: only some requests have one; sample the others separately")
             drafts.append(padded_rows(((request.draft - model.mean) / model.scale), padded))
         draft = torch.from_numpy(np.stack(drafts)).float()
-        all_steps = [int(t) for t in scheduler.timesteps]  # type: ignore[attr-defined]
-        # the step of the schedule that is nearest to the wanted noise, so that its arithmetic stays exact
+        all_steps = [int(t) for t in scheduler.timesteps]
+        # nearest step of the schedule, which keeps its arithmetic exact
         first = int(np.argmin([abs(t - start) for t in all_steps]))
         if hasattr(scheduler, "set_begin_index"):
             scheduler.set_begin_index(first)
@@ -178,7 +181,7 @@ class MotionSampler:
 
 
 def low_pass(rows: FloatArray, cutoff: float) -> FloatArray:
-    """(motion, frame, feature) without what is faster than `cutoff` [Hz]; contacts stay as they are."""
+    """(motion, frame, feature) rows low-passed at `cutoff` [Hz] without delay; contacts stay unchanged."""
     sos = butter(4, cutoff, fs=FRAME_RATE, output="sos")
     out = sosfiltfilt(sos, rows, axis=1, padlen=min(15, rows.shape[1] - 1))
     out[..., CONTACTS] = rows[..., CONTACTS]
@@ -186,7 +189,7 @@ def low_pass(rows: FloatArray, cutoff: float) -> FloatArray:
 
 
 def still_columns(request: MotionRequest) -> list[int]:
-    """Features of what only keeps its place in a synthesised action; contacts are none of them."""
+    """Columns of still body parts of a synthesised action, without contacts."""
     if request.source != "kinematic" or request.known is not None or request.action not in ACTIONS:
         return []
     parts = [part for part in PARTS if not part.endswith("arm")]
@@ -201,6 +204,7 @@ def still_columns(request: MotionRequest) -> list[int]:
 
 
 def conditions_of(model: MotionModel, requests: Sequence[MotionRequest], frames: int) -> Conditions:
+    """Conditions of a batch of requests, padded to `frames`."""
     wanted = model.text(tokenise([w.prompt for w in requests]))
     unwanted = model.text(tokenise([w.negative for w in requests])).pooled
     said = torch.tensor([bool(w.prompt.strip()) for w in requests])[:, None]
@@ -229,20 +233,13 @@ def conditions_of(model: MotionModel, requests: Sequence[MotionRequest], frames:
 
 def _doubled(c: Conditions) -> Conditions:
     """The conditions twice, first without words."""
-    return Conditions(
-        torch.cat([torch.zeros_like(c.tokens), c.tokens]),
-        torch.cat([c.mask, c.mask]),
-        torch.cat([torch.zeros_like(c.pooled), c.pooled]),
-        torch.cat([torch.zeros_like(c.unwanted), c.unwanted]),
-        torch.cat([c.source, c.source]),
-        torch.cat([c.beat, c.beat]),
-        torch.cat([c.known, c.known]),
-        torch.cat([c.given, c.given]),
-    )
+    each = {field.name: getattr(c, field.name) for field in fields(c)}
+    wordless = each | {name: torch.zeros_like(each[name]) for name in ("tokens", "pooled", "unwanted")}
+    return Conditions(**{name: torch.cat([wordless[name], each[name]]) for name in each})
 
 
 def _joined(rows: FloatArray, requests: Sequence[MotionRequest]) -> FloatArray:
-    """(wish, frame, NUM_FEATURES) rows whose free stretches continue the given ones."""
+    """(motion, frame, NUM_FEATURES) rows whose free intervals continue the given ones."""
     for own, request in zip(rows, requests, strict=True):
         if request.given is not None and (request.given == 1.0).any():
             own[:] = blend_transitions(own, request.given[: len(own)] == 1.0)
@@ -250,34 +247,30 @@ def _joined(rows: FloatArray, requests: Sequence[MotionRequest]) -> FloatArray:
 
 
 def _hard(given: Tensor) -> Tensor:
-    """(wish, frame, NUM_FEATURES) 1 where features are given exactly."""
+    """(motion, frame, NUM_FEATURES) 1 for exactly given features."""
     exact = (given > SOFT).double().numpy()
     return torch.from_numpy(np.stack([spread(g) for g in exact])).float()
 
 
 def padded_rows(rows: FloatArray, frames: int) -> FloatArray:
-    """The last row repeated up to `frames`."""
+    """Rows cut to `frames`, or padded with copies of the last one."""
     if len(rows) >= frames:
         return rows[:frames]
     return np.concatenate([rows, np.repeat(rows[-1:], frames - len(rows), axis=0)])
 
 
 def _mixed(seed: int) -> int:
-    """Neighbouring seeds taken far apart."""
+    """Seed that differs strongly for neighbouring seeds."""
     return int(np.random.SeedSequence([seed, 31]).generate_state(1)[0])
 
 
 SMALL = 16
-"""Motions up to which one thread is enough."""
+"""Batch size up to which one thread is fastest: layers take less than a millisecond."""
 
 
 @contextmanager
 def threads_for(motions: int) -> Iterator[None]:
-    """Within it, up to `SMALL` motions are computed on the calling thread alone; then PyTorch's number is as before.
-
-    A layer of so few motions takes less than a millisecond, after which PyTorch's threads wait for each other by
-    spinning: on cores that others use as well, one motion takes ten times as long with two threads as with one.
-    """
+    """Context in which PyTorch computes up to `SMALL` motions on one thread, without busy waiting of the others."""
     before = torch.get_num_threads()
     if motions > SMALL or before == 1:
         yield
@@ -291,28 +284,28 @@ def threads_for(motions: int) -> Iterator[None]:
 
 
 SPARE = 8
-"""Frames that drafts and beats go on for, because the network takes lengths in steps of this."""
+"""Extra frames of drafts and beats: the network's lengths are multiples of this number."""
 _OVERLAP = 40
-"""Poses that a stretch shares with the one before it ..."""
+"""Frames of a segment's overlap with the previous one ..."""
 _FADE = 8
-"""... and over how many of them, the last ones, one passes into the other."""
+"""... and of its cross-fade, at its end."""
 
 
 def sample_in_segments(
     model: MotionModel, sampler: MotionSampler, requests: Sequence[MotionRequest], frames: int, strength: float
 ) -> list[FloatArray]:
-    """(frame, NUM_FEATURES) of each wish.
+    """(frame, NUM_FEATURES) rows of each request.
 
     Args:
         model: the trained model.
-        sampler: how the reverse process is run.
-        wishes: beats and drafts of them last as long as the motion, and `SPARE` frames.
+        sampler: options of the reverse process.
+        requests: with beats and drafts of the motion's length and `SPARE` frames.
         frames: of each motion.
-        strength: noise level from which drafts are made anew.
+        strength: noise level from which drafts are resampled.
     """
     drafted = [w.draft is not None for w in requests]
     if any(drafted) and not all(drafted):
-        # the two start at different noise
+        # different initial noise
         made: dict[int, FloatArray] = {}
         for kind in (True, False):
             at = [k for k, d in enumerate(drafted) if d is kind]
@@ -336,7 +329,7 @@ def sample_in_segments(
             given[: _OVERLAP - _FADE] = 1.0
             part = _part(request, start, LONGEST)
             if part.draft is not None:
-                # the draft goes on from where the motion has got to
+                # the draft continues from the end of the motion
                 joint_frame = _OVERLAP - _FADE
                 draft = turned(recentred(part.draft, joint_frame), float(heading(before)[joint_frame]))
                 draft[:, :2] += before[joint_frame, :2]

@@ -1,5 +1,4 @@
-"""A walk bent along a path on the floor, in the manner of motion path editing (Gleicher, 2001): the way that somebody
-walked is taken away, and the other one put in its place, so that he faces where he goes."""
+"""Walks along a path on the floor by motion path editing (Gleicher 2001): the walked path is replaced by another."""
 
 from __future__ import annotations
 
@@ -16,28 +15,29 @@ from rfgen_sionna.generative.motion.rotations import continuous
 from rfgen_sionna.records import Motion
 
 REFERENCE_SPEED = 1.1
-"""Speed of a mean adult's walk at the pace 1 [m/s]."""
+"""Walking speed of a mean adult at pace 1 [m/s]."""
 SPEEDS = (0.4, 2.2)
-"""Mean speeds that a path may ask for [m/s]."""
+"""Range of mean speeds along a path [m/s]: slow to fast walking."""
 SHORTEST = 0.1
-"""Time that a path takes at least [s]."""
+"""Shortest duration of a path [s]."""
 LONGER = 1.5
-"""A walk is made that much longer than asked for, so that its own pace, which varies, gets there in time."""
+"""Factor on the sampled duration, so that slow walks reach the end."""
 _CORNER = 0.3
-"""Corners of the path are rounded by a Gaussian of this width [m]."""
+"""Width of the Gaussian that rounds corners [m]; about half a step."""
 _TURN = 0.12
-"""The heading follows the path within about this way [m]."""
-_OWN = 0.5
-"""Time over which steps and sway are averaged away, to tell the way that somebody walked [s]."""
+"""Width of the smoothing of the heading along the path [m]."""
+_STEP_PERIOD = 0.5
+"""Width of the smoothing that removes steps and sway from a walked path [s]."""
 _STEP = 0.01
+"""Resolution of a path [m]; well below its rounding."""
 
 
 def check_path(path: ArrayLike, duration: float) -> FloatArray:
     """(point, 2) places on the floor [m], checked.
 
     Raises:
-        ValueError: fewer than two points, values that are not finite, or too short a time or a mean speed that nobody
-            walks at, corners rounded.
+        ValueError: fewer than two points, values that are not finite, too short a duration, or a mean speed out of
+            range, with rounded corners.
     """
     points = np.asarray(path, np.float64)
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
@@ -52,7 +52,7 @@ def check_path(path: ArrayLike, duration: float) -> FloatArray:
 
 
 def path_pace(points: FloatArray, duration: float) -> float:
-    """Factor on the usual speed that a path asks for, 0.5 … 2."""
+    """Factor on the usual speed for a path, 0.5 … 2."""
     return float(np.clip(_length(points) / duration / REFERENCE_SPEED, 0.5, 2.0))
 
 
@@ -60,10 +60,10 @@ def follow_path(motion: Motion, points: FloatArray, duration: float, *, timed: b
     """The walk along the path, from its first to its last point in `duration` [s].
 
     Args:
-        motion: any walk, as long or longer.
+        motion: a walk of at least that duration.
         points: (point, 2) [m], see :func:`check_path`.
         duration: of the result [s].
-        timed: whether it may be played faster or slower to get there; otherwise its steps are stretched.
+        timed: whether playback speed adapts to the path; otherwise the step length does.
     """
     curve, heading = _rounded(points)
     length = _STEP * (len(curve) - 1)
@@ -85,7 +85,7 @@ def follow_path(motion: Motion, points: FloatArray, duration: float, *, timed: b
 
 
 def _taken(motion: Motion, own: FloatArray, at: FloatArray, turn: FloatArray) -> Motion:
-    """The motion with its (frame, 2) `own` way [m] put at another, turned by (frame,) `turn` [rad] about it."""
+    """The motion with its (frame, 2) path `own` [m] replaced by `at`, turned by (frame,) `turn` [rad]."""
     cos, sin = np.cos(turn), np.sin(turn)
     x, y = (motion.translation[:, :2] - own).T
     translation = motion.translation.copy()
@@ -107,14 +107,14 @@ def _length(points: FloatArray) -> float:
 
 
 def _rounded(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places (step, 2) every centimetre of the path with its corners rounded, and the heading (step,) there [rad]."""
+    """(step, 2) points every centimetre of the path with rounded corners, and the heading (step,) [rad]."""
     polyline = _evenly(points)
     curve = _evenly(_smooth(polyline, _CORNER / _STEP))
     return curve, gaussian_filter1d(_heading(curve), _TURN / _STEP, mode="nearest")
 
 
 def _evenly(points: FloatArray) -> FloatArray:
-    """The same line in equal steps of about a centimetre, its ends kept."""
+    """The same line in equal steps of about a centimetre, ends included."""
     gone = _gone(points)
     at = np.linspace(0.0, gone[-1], max(2, round(gone[-1] / _STEP) + 1))
     return np.stack([np.interp(at, gone, points[:, k]) for k in range(2)], axis=-1)
@@ -125,11 +125,11 @@ def _gone(points: FloatArray) -> FloatArray:
 
 
 def _own_way(motion: Motion) -> FloatArray:
-    return _smooth(motion.translation[:, :2], _OWN * motion.frame_rate)
+    return _smooth(motion.translation[:, :2], _STEP_PERIOD * motion.frame_rate)
 
 
 def _smooth(points: FloatArray, width: float) -> FloatArray:
-    """Points smoothed along their first axis; the ends, which go straight on, stay where they are."""
+    """Points smoothed along their first axis; end points stay."""
     margin = min(int(4 * width), len(points) - 1)
     wide = np.pad(points, ((margin, margin), (0, 0)), mode="reflect", reflect_type="odd")
     smooth = gaussian_filter1d(wide, width, axis=0, mode="nearest")

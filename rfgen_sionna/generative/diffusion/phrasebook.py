@@ -1,7 +1,7 @@
-"""How people say the actions: the sentences that the text encoder and the model are trained on.
+"""Sentences for the actions, on which text encoder and model are trained.
 
-Verbs in angle brackets are put into the form that the sentence needs. `{hand}` is "left" or "right" where the hand is
-said; what stands after `?` in brackets may be left out.
+Verbs in angle brackets are inflected. `{hand}` is "left" or "right" where the hand is mentioned; text after `?` in
+brackets is optional.
 """
 
 from __future__ import annotations
@@ -283,7 +283,7 @@ CLAUSES: MappingProxyType[str, tuple[str, ...]] = MappingProxyType(
         ),
     }
 )
-"""Kinematic action -> clauses. These are the actions that the model learns from the synthesiser."""
+"""Kinematic action -> clauses."""
 
 
 _THIRD = {"do": "does", "go": "goes", "have": "has"}
@@ -291,13 +291,13 @@ _STAY = {"just"}
 
 
 def doing(action: str, hand: str = "") -> str:
-    """The plainest clause of an action, as what is done beside something else: "raising the left arm"."""
+    """Shortest clause of an action as a participle: "raising the left arm"."""
     clause = re.sub(r"\[\?[^]]*\]", "", CLAUSES[action][0])
     return re.sub(r" +", " ", inflect(clause.replace("{hand}", hand), "ing")).strip()
 
 
 def inflect(clause: str, form: str) -> str:
-    """The clause with its verbs in `form`: "s" (raises), "ing" (raising) or "" (raise)."""
+    """Clause with its verbs in `form`: "s" (raises), "ing" (raising) or "" (raise)."""
 
     def verb(match: re.Match[str]) -> str:
         word = match[1]

@@ -1,4 +1,4 @@
-"""From features to a motion on a person: smooth at a higher rate, on that person's legs, feet planted."""
+"""From feature rows to a motion on a skeleton: higher rate, that skeleton's legs, planted feet, joint limits."""
 
 from __future__ import annotations
 
@@ -36,22 +36,21 @@ def to_motion(
     *,
     free: bool = True,
     legs: NDArray[np.bool_] | None = None,
-    bend: Callable[[Motion], Motion] | None = None,
+    follow: Callable[[Motion], Motion] | None = None,
 ) -> Motion:
     """The motion of (frame, NUM_FEATURES) rows at 20 Hz on a skeleton.
 
     Args:
         features: rows in their own units.
-        hands: the fingers' components.
-        skeleton: of the person; None for a mean adult. The path is scaled with the legs.
+        hands: principal components of the fingers.
+        skeleton: of the person; None takes a mean adult. The path scales with the legs.
         rate: poses per second of the result [Hz].
-        free: whether the pelvis may give way to the steps, and arms to the trunk; not where parts were asked for.
-        legs: (frame,) rows in which the legs were given and stay as they are, planted or not; None: in none. Only where
-            the rest isn't free.
-        bend: what takes the walk to another way, once its feet carry it.
+        free: whether pelvis and arms may be corrected; False for motions with given parts.
+        legs: (frame,) rows whose legs stay unchanged, if not `free`; None fixes none.
+        follow: transformation onto another path, applied after the feet; None applies none.
     """
     skeleton = skeleton or MEAN_ADULT
-    # bent and planted at no lower rate than usual: whole steps lie between poses that are far apart
+    # corrections need at least RATE
     motion = clamp_joint_angles(resample_motion(decode(features, hands, FRAME_RATE), max(rate, RATE)))
     scale = skeleton.leg_length() / MEAN_ADULT.leg_length()
     height = skeleton.standing_height() - scale * MEAN_ADULT.standing_height()
@@ -59,12 +58,12 @@ def to_motion(
     translation[:, 2] += height
     motion = replace(motion, translation=translation, offsets=skeleton.offsets)
     if not free:
-        motion = motion if bend is None else bend(motion)
+        motion = motion if follow is None else follow(motion)
         fixed_legs = None if legs is None else _at_rate(legs, motion)
         return resample_motion(lock_feet(motion, skeleton, ride=False, fixed_legs=fixed_legs), rate)
     carried = root_from_feet(separate_arms_from_trunk(motion, skeleton), skeleton)
-    planted = lock_feet(carried if bend is None else bend(carried), skeleton)
-    # limbs that are turned back within their limits may come under it again
+    planted = lock_feet(carried if follow is None else follow(carried), skeleton)
+    # clamped limbs may be below the floor again
     return resample_motion(
         keep_body_above_floor(clamp_joint_angles(keep_hands_above_floor(keep_body_above_floor(planted), skeleton))),
         rate,
@@ -72,7 +71,7 @@ def to_motion(
 
 
 def _at_rate(rows: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
-    """Poses of the motion of which the rows on both sides, at 20 Hz, are marked."""
+    """(pose,) whether the rows at 20 Hz on both sides of a pose are marked."""
     at = np.arange(len(motion.translation)) * FRAME_RATE / motion.frame_rate
     last = len(rows) - 1
     before, after = (np.clip(near.astype(int), 0, last) for near in (np.floor(at + 1e-9), np.ceil(at - 1e-9)))
@@ -80,12 +79,11 @@ def _at_rate(rows: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
 
 
 def resample_motion(motion: Motion, rate: float) -> Motion:
-    """The motion along cubic splines through its poses, at another rate."""
+    """The motion at another rate, along cubic splines through its poses."""
     n = len(motion.translation)
     if n < 2 or rate == motion.frame_rate:
         return motion
     t = np.arange(n) / motion.frame_rate
-    # as many poses as fit, the last one kept
     fine = np.arange(int(np.floor((n - 1) * rate / motion.frame_rate + 1e-9)) + 1) / rate
     quaternions = CubicSpline(t, motion.rotations.reshape(n, -1))(fine).reshape(len(fine), -1, 4)
     contacts = motion.contacts
@@ -101,7 +99,7 @@ def resample_motion(motion: Motion, rate: float) -> Motion:
 
 
 _MARGIN = 0.5
-"""Kept from the limits [degrees]."""
+"""Distance from the limits [degrees]; absorbs rounding and resampling."""
 _FINGERS = ((1, "knuckle"), (2, "middle joint"), (3, "end joint"))
 
 
@@ -119,7 +117,7 @@ def clamp_joint_angles(motion: Motion) -> Motion:
         moved = np.abs(inside - angles).max(axis=1) > 1e-9
         if moved.any():
             fixed = Rotation.from_euler(order, inside[moved], degrees=True).as_quat()
-            # the same sign as before, so that splines through the quaternions stay short
+            # signs stay continuous
             flip = np.sign(np.sum(fixed * q[moved, j], axis=-1, keepdims=True))
             q[moved, j] = fixed * np.where(flip == 0.0, 1.0, flip)
 
@@ -145,7 +143,6 @@ def _hinge(q: FloatArray, joint: str, sign: int) -> None:
     flexion = np.degrees(np.arctan2(sign * matrix[:, 0, 1], matrix[:, 1, 1]))
     over = _clipped(flexion, "elbow flexion") - flexion
     if np.abs(over).max() > 1e-9:
-        # a turn about the rest pose's vertical: flexion is the angle by which the forearm's axis turns about it
         turned = about(Z, -sign * np.radians(over)) @ matrix
         fixed = Rotation.from_matrix(turned).as_quat()
         q[:, j] = fixed * np.where(np.sum(fixed * q[:, j], axis=-1, keepdims=True) < 0.0, -1.0, 1.0)

@@ -1,8 +1,7 @@
-"""The rhythm of a motion: its period, the phase it is in, and a beat to move to.
+"""Rhythm of a motion: period, phase, and beat.
 
-Rhythm is what micro-Doppler shows first and what a denoiser finds last, so the model is told it: a beat (cosine and
-sine of the phase at each pose) goes in with the noise, taken from the clip in training and drawn from the action's
-own statistics when sampling.
+The model is conditioned on a beat (cosine and sine of the phase at each pose), taken from the clip in training and
+drawn from the action's statistics for sampling.
 """
 
 from __future__ import annotations
@@ -18,19 +17,19 @@ from rfgen_sionna.generative.motion.curves import wander
 from rfgen_sionna.generative.motion.skeleton import JOINT
 
 SHORTEST, LONGEST = 0.35, 3.6
-"""Range of periods that are looked for [s]."""
+"""Range of periods of the search [s]."""
 _TREND = 3.6
-"""What is slower than this is not rhythm [s]."""
+"""Period above which movement is drift [s]."""
 TRAVEL_SPEED = 0.25
-"""Mean speed of the pelvis beyond which rhythm is that of the steps [m/s]."""
+"""Mean speed of the pelvis above which the rhythm is that of the steps [m/s]."""
 LONGEST_STRIDE = 1.9
-"""[s]."""
+"""Longest period of two steps [s]."""
 _REACH = 0.08
-"""Distance that stands for a turn of the wrist or a bend of the fingers by one radian [m]."""
+"""Lever arm of a wrist turn or a finger bend [m]."""
 
 
 def relative_positions(features: FloatArray) -> FloatArray:
-    """(frame, 66) joint positions from the pelvis, seen along the heading, and the pelvis' height [m]."""
+    """(frame, 66) joint positions from the pelvis in the frame of its heading, and the pelvis' height [m]."""
     places = joint_positions(features)
     yaw = heading(features)
     c, s = np.cos(yaw), np.sin(yaw)
@@ -43,7 +42,7 @@ def relative_positions(features: FloatArray) -> FloatArray:
 
 
 def movement(features: FloatArray, rate: float) -> FloatArray:
-    """(frame, k) what moves: joint positions from the pelvis [m], wrist turns and fingers, without slow drift."""
+    """(frame, k) movement: joint positions from the pelvis [m], wrist turns and fingers, without slow drift."""
     # the wrist is the last of an arm's four joints
     wrists = [
         c for part in ("left_arm", "right_arm") for c in [c for c in PARTS[part] if LOCAL.start <= c < LOCAL.stop][18:]
@@ -57,8 +56,8 @@ def movement(features: FloatArray, rate: float) -> FloatArray:
 
 
 def stride(features: FloatArray, rate: float) -> FloatArray | None:
-    """(frame,) how far the left ankle is before the right [m], where the person travels; None where not."""
-    # over a second, so that rocking on the spot isn't travel
+    """(frame,) position of the left ankle before the right [m]; None for a person who does not travel."""
+    # averaged over a second: sway is no travel
     smooth = uniform_filter1d(features[:, :2], max(1, round(rate)), axis=0, mode="nearest")
     path = np.linalg.norm(np.diff(smooth, axis=0), axis=-1)
     if len(path) < 3 or path.mean() * rate < TRAVEL_SPEED:
@@ -68,13 +67,13 @@ def stride(features: FloatArray, rate: float) -> FloatArray | None:
 
 
 def principal_direction(moving: FloatArray) -> FloatArray:
-    """(k,) unit direction in which the rows of a (frame, k) array vary most."""
+    """(k,) unit direction of largest variance of the rows of a (frame, k) array."""
     _, _, rows = np.linalg.svd(moving.T @ moving)
     return np.asarray(rows[0], np.float64)
 
 
 def autocorrelation(signal: FloatArray, lags: int) -> FloatArray:
-    """(lags,) normalised: each lag by the energy of the two stretches that it compares."""
+    """(lags,) autocorrelation, normalised at each lag."""
     s = signal - signal.mean()
     out = np.zeros(lags)
     for k in range(min(lags, len(s) - 2)):
@@ -84,7 +83,7 @@ def autocorrelation(signal: FloatArray, lags: int) -> FloatArray:
 
 
 def find_period(signal: FloatArray, rate: float, longest: float = LONGEST) -> tuple[float, float]:
-    """Period [s] and its autocorrelation (0 .. 1) of a (frame,) signal; (0, 0) where none is found."""
+    """Period [s] and its autocorrelation (0 .. 1) of a (frame,) signal; (0, 0) without one."""
     last = min(int(longest * rate) + 2, int(0.67 * len(signal)))
     first = int(SHORTEST * rate)
     if last - first < 4 or np.ptp(signal) < 1e-6:
@@ -97,8 +96,8 @@ def find_period(signal: FloatArray, rate: float, longest: float = LONGEST) -> tu
     if best <= 0.0:
         return 0.0, 0.0
     k = next(k for k in peaks if r[k] >= 0.92 * best)
-    bend = r[k - 1] - 2.0 * r[k] + r[k + 1]
-    shift = 0.5 * (r[k - 1] - r[k + 1]) / bend if abs(bend) > 1e-9 else 0.0
+    curvature = r[k - 1] - 2.0 * r[k] + r[k + 1]
+    shift = 0.5 * (r[k - 1] - r[k + 1]) / curvature if abs(curvature) > 1e-9 else 0.0
     return (k + float(np.clip(shift, -0.5, 0.5))) / rate, float(np.clip(r[k], 0.0, 1.0))
 
 
@@ -116,14 +115,14 @@ def find_phase(signal: FloatArray, rate: float, period: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Beat:
-    """How fast, and how steadily, an action is repeated."""
+    """Statistics of an action's repetition."""
 
     log_rate: float
     """Mean of ln(repetitions per second)."""
     spread: float
     """Its standard deviation over people."""
     jitter: float
-    """Relative rms by which one person's rate wanders."""
+    """Relative rms drift of one person's rate."""
 
     def draw(self, frames: int, frame_rate: float, rng: np.random.Generator, speed: float = 1.0) -> FloatArray:
         """(frame, 3) cosine and sine of a drawn phase, and ones."""
@@ -135,7 +134,7 @@ class Beat:
 
 
 def beat_rows(phase: FloatArray | None, frames: int) -> FloatArray:
-    """(frame, 3) cosine, sine and 1, or zeros where there is no rhythm."""
+    """(frame, 3) cosine, sine and 1; zeros for a phase of None."""
     if phase is None:
         return np.zeros((frames, 3))
     return np.stack([np.cos(phase), np.sin(phase), np.ones(frames)], axis=-1)

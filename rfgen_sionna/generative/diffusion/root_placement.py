@@ -1,4 +1,4 @@
-"""Where a made motion takes place on the floor, which way it turns there, and how fast anything of it may be."""
+"""Placement of the root: position and direction on the floor, limits of turn rate and speed."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from rfgen_sionna.generative.diffusion.features import (
 from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
 
 _FASTEST = 9.0
-"""Rate of turning beyond which the pelvis flips rather than turns [rad/s]: brisk about-turns take half a second."""
+"""Largest turn rate of the pelvis [rad/s]: brisk about-turns take half a second."""
 _TURNS = (0.1, 0.15, 0.2, 0.3, 0.4)
-"""Times over which flips are spread, the shortest that does [s]."""
+"""Widths of the smoothing of fast turns, the first sufficient one is used [s]."""
 _SWIFTEST = 9.0
-"""Speed of a joint beyond which it jumps rather than moves [m/s]: feet of runners and hands of boxers get there."""
+"""Largest speed of a joint [m/s]: feet of runners, hands of boxers."""
 _FASTEST_SPIN = 20.0
-"""The same for the turning of a joint against the one before it [rad/s]."""
+"""Largest turn rate of a joint against its parent [rad/s]."""
 _SPREAD = (*_TURNS, 0.6, 0.8)
-"""Times over which jumps are spread [s]."""
+"""Widths of the smoothing of jumps [s]."""
 _EASE = 0.15
-"""Time in which what is calmed goes over into given poses, which stay as they are [s]."""
+"""Time of the transition to given poses [s]."""
 
 
 def centre_on_origin(rows: FloatArray) -> FloatArray:
@@ -45,7 +45,7 @@ def centre_on_origin(rows: FloatArray) -> FloatArray:
         x, y = axes[:, -1]
         if values[0] < 0.1 * values[-1]:
             yaw = np.arctan2(y, x)
-            # the nearer of both senses: the person still starts facing ahead
+            # nearer sense: the person still starts facing ahead
             yaw -= np.pi * np.round(yaw / np.pi)
             if abs(yaw) < np.radians(25.0):
                 out = turned(out, -yaw)
@@ -54,11 +54,7 @@ def centre_on_origin(rows: FloatArray) -> FloatArray:
 
 
 def limit_turn_rate(rows: FloatArray) -> FloatArray:
-    """Feature rows in which nobody turns round faster than people can.
-
-    Where the network leaves open which way somebody turns, the two ways cancel each other halfway, and what is left
-    flips from one pose to the next.
-    """
+    """Feature rows with a turn rate that people reach; faster turns are smoothed."""
     yaw = heading(rows)
     even = yaw
     for width in _TURNS:
@@ -82,11 +78,11 @@ def limit_turn_rate(rows: FloatArray) -> FloatArray:
 
 
 def limit_speed(rows: FloatArray, free: NDArray[np.bool_] | None = None) -> FloatArray:
-    """Feature rows in which nothing moves faster than people can: what jumps from one pose to the next is spread.
+    """Feature rows with speeds that people reach; jumps between poses are smoothed.
 
     Args:
         rows: in their own units.
-        free: (frame,) rows that may change; None: all.
+        free: (frame,) rows that may change; None allows all.
     """
     out = rows
     turns = slice(TURN.start, LOCAL.stop)
@@ -103,7 +99,7 @@ def limit_speed(rows: FloatArray, free: NDArray[np.bool_] | None = None) -> Floa
         reach = round(3.0 * width * FRAME_RATE)
         share = maximum_filter1d(fast.astype(np.float64), 2 * reach + 1)
         share = may * gaussian_filter1d(share, 0.3 * reach, mode="nearest")
-        before, out = out, out.copy()  # what is spread already stays so
+        before, out = out, out.copy()
         quaternions = to_quaternions(from_six(before[:, turns].reshape(len(rows), -1, 6)))
         for values, columns in ((before[:, others], others), (quaternions, turns)):
             even = gaussian_filter1d(values, width * FRAME_RATE, axis=0, mode="nearest")
@@ -119,7 +115,7 @@ def _to_six(quaternions: FloatArray) -> FloatArray:
 
 
 def _jumps(rows: FloatArray) -> NDArray[np.bool_]:
-    """(frame,) where a joint moves or turns faster than people can, to the next row or from the last one."""
+    """(frame,) rows with a joint that is too fast, to the next row or from the previous one."""
     speed = np.linalg.norm(np.diff(joint_positions(rows), axis=0), axis=-1) * FRAME_RATE
     six = rows[:, TURN.start : LOCAL.stop].reshape(len(rows), -1, 6)
     turn = from_six(six)
@@ -130,7 +126,7 @@ def _jumps(rows: FloatArray) -> NDArray[np.bool_]:
 
 
 def move_to_start(rows: FloatArray, where: FloatArray) -> FloatArray:
-    """Rows that start over the origin facing ahead, moved to where other rows start."""
+    """Rows from the origin facing +x, moved to the start of other rows."""
     out = turned(rows, float(np.arctan2(where[0, TURN.start + 1], where[0, TURN.start])))
     out[:, :2] += where[0, :2] - out[0, :2]
     return out

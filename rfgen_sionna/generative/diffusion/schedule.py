@@ -1,8 +1,7 @@
-"""The forward process and its samplers, through diffusers' schedulers.
+"""Forward process of the motion model, and its samplers from diffusers.
 
-x_t = sqrt(a_t) x_0 + sqrt(1 - a_t) noise, a_t falling along a cosine (Nichol and Dhariwal 2021). What decides the
-rhythm of a motion is settled above t = 0.85, so time is bent, t = 1 - (1 - u)^2, and the steps are even in u: training
-and sampling both spend themselves where it matters.
+x_t = √a_t x_0 + √(1 − a_t) noise, a_t along a cosine (Nichol and Dhariwal 2021). Steps are even in u, t = 1 − (1 − u)²,
+denser at high noise, where the rhythm is decided.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ import numpy as np
 from rfgen_sionna._types import FloatArray
 
 STEPS = 1000
+"""Steps of the forward process."""
 SAMPLERS = ("ddim", "dpm")
 
 
@@ -22,23 +22,25 @@ def signal_shares() -> FloatArray:
     u = (np.arange(STEPS) + 1.0) / STEPS
     t = 1.0 - (1.0 - u) ** 2
     shares = np.cos(0.5 * np.pi * (t + 0.008) / 1.008) ** 2 / np.cos(0.5 * np.pi * 0.008 / 1.008) ** 2
-    # a little signal is left at the top, so that its logarithm is finite
+    # some signal is left at the top, for a finite logarithm
     return 2e-5 + (1.0 - 2e-5) * shares
 
 
 def log_snr(shares: FloatArray) -> FloatArray:
-    """ln of signal over noise power."""
+    """ln of signal over noise power, from the signal's share."""
     return np.log(shares / (1.0 - shares))
 
 
 def step_at(t: float) -> int:
-    """The step whose noise is that of time `t` (0 .. 1) on the unbent cosine."""
+    """Step with the noise of time `t` (0 .. 1) on the cosine."""
     return int(np.clip(round((1.0 - np.sqrt(max(1.0 - t, 0.0))) * STEPS) - 1, 0, STEPS - 1))
 
 
 def make_scheduler(sampler: str = "ddim") -> Any:
-    """A scheduler of diffusers (`DDIMScheduler` or `DPMSolverMultistepScheduler`) with this forward process;
-    `sampler` is one of `SAMPLERS`.
+    """Scheduler of diffusers (`DDIMScheduler` or `DPMSolverMultistepScheduler`) with this forward process.
+
+    Args:
+        sampler: one of `SAMPLERS`.
 
     Raises:
         ValueError: unknown sampler.

@@ -1,8 +1,7 @@
-"""A small sentence encoder of our own, which ships with the model and needs no download.
+"""A small sentence encoder, shipped with the model.
 
-Words enter as hashed pieces (the word, its stem, its letters by threes and fours), so unseen forms and misspellings
-land near what is known; two transformer layers put them in order. It is trained on the phrase book and the mocap
-captions to say what a sentence asks for, then frozen.
+Words enter as hashed pieces (word, stem, letter triples and quadruples), so that unseen forms and misspellings are near
+known ones; two transformer layers use their order. It is trained to classify sentences, then frozen.
 """
 
 from __future__ import annotations
@@ -16,9 +15,13 @@ import torch
 from torch import Tensor, nn
 
 BUCKETS = 8192
+"""Size of the table of hashed pieces."""
 MAX_WORDS = 28
+"""Words of a sentence that are read."""
 MAX_PIECES = 14
+"""Pieces of a word that are read."""
 WIDTH = 128
+"""Numbers of a state."""
 HANDS = ("", "left", "right")
 PACES = ("slow", "usual", "fast")
 _COUNTER = re.compile(r"\b(?:counter|anti)[ -]?clockwise")
@@ -26,12 +29,12 @@ _WORD = re.compile(r"[a-z0-9']+")
 
 
 def words(text: str) -> list[str]:
-    """Lower-case words; "counter-clockwise" and its variants are one word."""
+    """Lower-case words of a text; "counter-clockwise" and its variants are one word."""
     return _WORD.findall(_COUNTER.sub("counterclockwise", text.lower()).replace("-", " "))[:MAX_WORDS]
 
 
 def stem(word: str) -> str:
-    """The word without the commonest endings."""
+    """The word without common endings."""
     for ending in ("ing", "ies", "ed", "es", "s"):
         if word.endswith(ending) and len(word) - len(ending) >= 3:
             word = word[: -len(ending)]
@@ -42,7 +45,7 @@ def stem(word: str) -> str:
 
 
 def pieces(word: str) -> list[int]:
-    """Buckets of a word, 1 .. BUCKETS - 1; 0 is padding."""
+    """Buckets of a word's pieces, 1 .. BUCKETS − 1; 0 is padding."""
     padded = f"<{word}>"
     parts = [f"w:{word}", f"s:{stem(word)}"]
     parts += [padded[i : i + n] for n in (3, 4) for i in range(len(padded) - n + 1)]
@@ -61,7 +64,7 @@ def tokenise(texts: list[str]) -> Tensor:
 
 @dataclass(frozen=True)
 class EncodedSentences:
-    """What the encoder makes of sentences."""
+    """States of encoded sentences."""
 
     tokens: Tensor
     """(text, MAX_WORDS, WIDTH)."""
@@ -72,7 +75,7 @@ class EncodedSentences:
 
 
 class SentenceEncoder(nn.Module):
-    """Sentences to token states and one pooled state, whatever they are about."""
+    """Encoder of sentences to token states and a pooled state."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -84,10 +87,10 @@ class SentenceEncoder(nn.Module):
         self.norm = nn.LayerNorm(WIDTH)
 
     def forward(self, ids: Tensor) -> EncodedSentences:
-        """`ids` (text, word, piece) as :func:`tokenise` gives them."""
+        """Encode `ids` (text, word, piece) of :func:`tokenise`."""
         there = ids > 0
         mask = there.any(dim=-1)
-        # an empty sentence is one silent word
+        # an empty sentence has one padding word
         mask = torch.cat([mask[:, :1] | ~mask.any(dim=-1, keepdim=True), mask[:, 1:]], dim=1)
         count = there.sum(dim=-1, keepdim=True).clamp(min=1).to(self.place.dtype)
         x = self.pieces(ids).sum(dim=2) / count.sqrt() + self.place[: ids.shape[1]]
@@ -98,10 +101,10 @@ class SentenceEncoder(nn.Module):
 
 
 class TextEncoder(SentenceEncoder):
-    """The encoder of sentences about motion.
+    """Encoder of sentences about motion, with classifiers of action, arms, hand and pace.
 
     Args:
-        actions: names of the actions that it tells apart.
+        actions: names of the actions.
     """
 
     def __init__(self, actions: tuple[str, ...]) -> None:

@@ -1,4 +1,8 @@
-"""What the model makes of a prompt before it moves."""
+"""Reading of a prompt by the motion model: action, arms, hand and pace.
+
+The sentence encoder knows words and actions but not which of two mirrored actions a sentence means ("to the left with
+the right hand"). Regular expressions on the order of words decide that.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +28,7 @@ _NO_WAY = re.compile(
     r"|\bfrom (?:the |his |her )?(?:left|right)\b"
     r"|(?<!to )(?<!the )\bright (?:in front|before|away|now|here|there|next|at)\b"
 )
-"""Sides that are not where something goes."""
+"""Sides that are no direction of movement."""
 _TRUNK = r"(?:the |his |her |their |one's )?(?:chest|body|trunk|belly|shoulder)"
 _TO_TRUNK = re.compile(rf"\b(?:to|towards?|against) {_TRUNK}|\b(?:to|towards?) (?:himself|herself|oneself|themselves)")
 _FROM_TRUNK = re.compile(rf"\bfrom {_TRUNK}")
@@ -34,7 +38,7 @@ _FINGER = re.compile(r"\b(?:fore)?fingers?\b")
 
 
 def hand_named(prompt: str) -> str:
-    """The one hand or arm that a sentence names: "left", "right", or empty."""
+    """The one hand or arm in a sentence: "left", "right", or empty."""
     return _only(re.findall(rf"\b(left|right)[- ](?={_ARM})", prompt.lower()))
 
 
@@ -44,16 +48,16 @@ def both_hands_named(prompt: str) -> bool:
 
 
 def direction_named(prompt: str) -> str:
-    """The one side to which something goes in a sentence: "left", "right", or empty."""
+    """The one direction of movement in a sentence: "left", "right", or empty."""
     return _only(re.findall(r"\b(left|right)(?:wards?)?\b", _NO_WAY.sub(" ", prompt.lower())))
 
 
 def action_by_word_order(prompt: str, shares: Mapping[str, float]) -> str:
-    """The action that the order of words tells among those which the encoder mixes up, or empty where it tells none.
+    """Action from the order of words, where the encoder confuses actions; empty where it does not.
 
     Args:
         prompt: the sentence.
-        shares: every action's probability, as the encoder has it.
+        shares: the encoder's probability of every action.
     """
     said = prompt.lower()
     likeliest = max(shares, key=lambda a: shares[a])
@@ -67,7 +71,7 @@ def action_by_word_order(prompt: str, shares: Mapping[str, float]) -> str:
     if likeliest == "walk" and _ONWARDS.search(said) and not _RETURNS.search(said):
         return "walk_straight"
     if likeliest == "idle":
-        # what captured people who stand are called
+        # captured name of standing
         return "standing"
     if likeliest not in ("click", "finger_swing") and shares[likeliest] < 0.9 and _FINGER.search(said):
         return max(("click", "finger_swing"), key=lambda a: shares[a])
@@ -93,17 +97,17 @@ _PLAIN = frozenset(
     )
     for word in group
 )
-"""Words that say nothing about the action."""
+"""Words without information on the action."""
 _SURE = 0.82
-"""Probability, of the action and what is left open with it, from which it is taken without a warning ..."""
+"""Least probability of an action, with its alternatives, that needs no warning ..."""
 _SURE_CAPTURED = 0.85
-"""... for captured actions, of which only a few wordings were learned ..."""
+"""... of a captured action, which has few training sentences ..."""
 _CERTAIN = 0.95
-"""... from which half of the words, of where and by whom, need not be the action's ..."""
+"""... of an action whose own words are a minority in the sentence ..."""
 _PLAUSIBLE = 0.4
-"""... and where the words themselves are the action's."""
-_OWN = 2 / 3
-"""Share of the content words that must then be of its wordings."""
+"""... and of a sentence in the action's own words."""
+_OWN_SHARE = 2 / 3
+"""Least share of the action's own words in such a sentence."""
 _KIN = (
     ("walk", "walk_straight", "fast_walk", "slow_walk", "stride_walk"),
     ("pick_up", "bend_pick"),
@@ -112,53 +116,53 @@ _KIN = (
     ("punch", "boxing"),
     ("dance", "dance_modern", "salsa", "indian_dance"),
 )
-"""Actions that people say in the same words, beside those of `OPEN_CLAUSES`."""
+"""Actions with common wordings, beside those of `OPEN_CLAUSES`."""
 _OPEN = 0.5
-"""Share of the likeliest action's probability from which another counts as meant, too."""
+"""Probability, relative to the likeliest action, from which another is an alternative."""
 _GESTURES = frozenset(name for name, each in ACTIONS.items() if each.one_handed and name != "pick_up")
 _MADE_WITH = re.compile(r"hand|arm|palm|fist|finger|wrist|gestur|swip|swep|sweep|push|pull|circl|click|tap|press")
-"""What a sentence about a gesture speaks of: to swing, to draw and to move are many things."""
+"""Words that sentences about a gesture have; to swing, to draw and to move are ambiguous."""
 _SUPPORT = re.compile(
     r"\bon (?:(?:the|his|her|their|one's|both|all) )*"
     r"(?:hands|knees|head|elbows|belly|back|fours|toes|tip-?toes?|heels)\b"
 )
-"""What the twenty actions are never done on."""
+"""Supports that none of the twenty actions uses."""
 _SECOND = re.compile(r"\s*(?:,|\bwhile\b|\band\b|\bthen\b|\bbefore (?=\w+ing\b)|\bwith\b)\s*")
-"""Where the second half of a sentence begins."""
+"""Beginning of the second half of a sentence."""
 _PACE = (0.8, 1.0, 1.2)
-"""Factor on the usual speed for `text.PACES`."""
+"""Factor on the usual speed for :data:`~rfgen_sionna.generative.diffusion.sentence_encoder.PACES`."""
 
 
 @dataclass(frozen=True)
 class Understanding:
-    """The reading of one prompt."""
+    """Reading of one prompt."""
 
     prompt: str
     action: str
-    """The likeliest action."""
+    """Likeliest action."""
     share: float
     """Its probability."""
     arms: str = ""
-    """What the arms do beside, or empty."""
+    """Action of the arms at the same time, or empty."""
     hand: str = ""
-    """"left", "right", "both", or empty where it is left open or the action has none."""
+    """"left", "right", "both", or empty where it is open or the action has none."""
     pace: float = 1.0
-    """Factor on the usual speed that the words ask for."""
+    """Requested factor on the usual speed."""
     options: tuple[str, ...] = ()
-    """The actions that the words leave open, likeliest first."""
+    """Possible actions, likeliest first."""
     shares: tuple[float, ...] = ()
     """Their probabilities."""
     unknown: tuple[str, ...] = ()
-    """Content words that no training sentence had."""
+    """Content words outside the training sentences."""
     warnings: tuple[str, ...] = field(default=())
     ranking: tuple[str, ...] = ()
     """All actions, likeliest first."""
     rephrase: bool = False
-    """Whether the sentence encoder missed which hand or which way is meant, so that plainer words serve it better."""
+    """Whether the sentence encoder missed hand or direction, so that a plainer sentence replaces the prompt."""
 
     @property
     def alternatives(self) -> list[tuple[str, float]]:
-        """(action, probability) of the actions that are nearly as likely as the likeliest, which comes first."""
+        """(action, probability) of the actions nearly as likely as the likeliest, which comes first."""
         pairs = zip(self.options, self.shares, strict=True)
         return [(a, s) for a, s in pairs if a in CLAUSES and s >= _OPEN * self.share]
 
@@ -169,7 +173,12 @@ class Understanding:
 
 
 def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> Understanding:
-    """Read a prompt.
+    """Reading of a prompt.
+
+    Args:
+        text: the model's encoder.
+        prompt: one sentence.
+        known_stems: stems of the training words.
 
     Raises:
         ValueError: the prompt has no words.
@@ -184,7 +193,7 @@ def understand(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> U
             note = f"prompt: {prompt!r} names one action after another; nearest action: {begins.action}"
             return replace(begins, prompt=prompt, warnings=(note,))
         return said
-    # the encoder has learned of arms with the walk that turns: other sentences of two are read half by half
+    # training sentences combine arms with "walk" only: read the halves of other sentences separately
     legs, arms = (goes_on, begins) if begins.action in UPPER else (begins, goes_on)
     if not (legs.known and legs.action in LOWER and not legs.arms):
         return said
@@ -214,24 +223,24 @@ def _read(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> Unders
     action, share = order[0], every[order[0]]
     options = tuple(a for a in order[:6] if every[a] > 0.15 * share)
     together = sum(every[a] for a in options)
-    told = action_by_word_order(prompt, every)
-    # the encoder's hand is that of the swipe's way as often as not
+    decided = action_by_word_order(prompt, every)
+    # the encoder confuses hand and direction of a swipe
     named = hand_named(prompt) if action.startswith("swipe") else ""
-    rephrase = told not in ("", action) or named not in ("", said_hand)
-    if told:
-        action, options, share = told, (told,), together
+    rephrase = decided not in ("", action) or named not in ("", said_hand)
+    if decided:
+        action, options, share = decided, (decided,), together
     beside = int(arms.argmax())
     other = text.actions[beside] if beside < len(text.actions) and float(arms[beside]) > 0.5 else ""
     gesture = ACTIONS.get(other or action)
     if gesture is not None and "both" in gesture.hands and both_hands_named(prompt):
         named = "both"
     content = [w for w in said if w not in _PLAIN and not w.isdigit()]
-    # twice for words such as "springing", of which one ending hides another
+    # twice for double endings: "springing"
     unknown = tuple(w for w in content if not {stem(w), stem(stem(w))} & known_stems)
     warnings: tuple[str, ...] = ()
-    if not _is_clear(prompt.lower(), action, every, content, unknown, told=bool(told)):
+    if not _is_clear(prompt.lower(), action, every, content, unknown, decided=bool(decided)):
         strange = f" ({', '.join(map(repr, unknown))} unknown)" if unknown else ""
-        warnings = (f"prompt: {prompt!r} is outside what the model has learned{strange}; nearest action: {action}",)
+        warnings = (f"prompt: {prompt!r} is outside the model's vocabulary{strange}; nearest action: {action}",)
     return Understanding(
         prompt,
         action,
@@ -240,7 +249,7 @@ def _read(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> Unders
         named or said_hand,
         _PACE[int(pace.argmax())] if float(pace.max()) > 0.6 else 1.0,
         options,
-        (share,) if told else tuple(every[a] for a in options),
+        (share,) if decided else tuple(every[a] for a in options),
         unknown,
         warnings,
         (action, *(a for a in order if a != action)),
@@ -249,20 +258,20 @@ def _read(text: TextEncoder, prompt: str, known_stems: frozenset[str]) -> Unders
 
 
 def _is_clear(
-    said: str, action: str, every: Mapping[str, float], content: list[str], unknown: tuple[str, ...], *, told: bool
+    said: str, action: str, every: Mapping[str, float], content: list[str], unknown: tuple[str, ...], *, decided: bool
 ) -> bool:
-    """Whether an action is what words mean rather than the least unlikely of what they don't.
+    """Whether words mean an action, instead of being outside the vocabulary.
 
-    On words that nobody trained on the encoder spreads its probability over actions that have nothing in common. On new
-    wordings of an action it may, too, but then they are made of the action's words, apart from names of things.
+    On unknown words the encoder spreads its probability over unrelated actions. On new wordings of an action it may,
+    too, but those consist of the action's words and names of things.
 
     Args:
-        said: the sentence, in small letters.
-        action: the nearest.
+        said: the sentence in lower case.
+        action: the likeliest.
         every: each action's probability.
-        content: words that say something about the action.
-        unknown: those of them which no training sentence had.
-        told: whether the order of words has told the action.
+        content: words with information on the action.
+        unknown: those outside the training sentences.
+        decided: whether the order of words gave the action.
     """
     sure = sum(every.get(a, 0.0) for a in _left_open_with(action))
     learned = [w for w in content if w not in unknown]
@@ -275,17 +284,17 @@ def _is_clear(
         return sure >= _CERTAIN and bool(own)
     if sure >= (_SURE if action in CLAUSES else _SURE_CAPTURED):
         return sure >= _CERTAIN or action not in CLAUSES or 2 * len(own) >= len(content)
-    return (told or sure >= _PLAUSIBLE) and len(own) == len(learned) and len(own) >= _OWN * len(content)
+    return (decided or sure >= _PLAUSIBLE) and len(own) == len(learned) and len(own) >= _OWN_SHARE * len(content)
 
 
 def _left_open_with(action: str) -> set[str]:
-    """The action and those which the same words may mean."""
+    """The action and those with common wordings."""
     return {action}.union(*(group for group in (*OPEN_CLAUSES, *_KIN) if action in group))
 
 
 @cache
 def _wordings() -> Mapping[str, frozenset[str]]:
-    """Action of the phrase book -> stems of the words that it is said in."""
+    """Action of the phrase book -> stems of its wordings."""
     said = {action: [*clauses, *FRAGMENTS[action]] for action, clauses in CLAUSES.items()}
     for named, clauses in OPEN_CLAUSES.items():
         for action in named:
@@ -299,14 +308,15 @@ def stems(texts: Iterable[str]) -> frozenset[str]:
 
 
 def known_reading(said: Understanding, action: str, arms: str) -> Understanding:
-    """A reading of words whose meaning is known: nothing is left open, and plain words say it where theirs don't."""
+    """A reading with its action known: without alternatives or warnings, and rephrased where the words do not say
+    it."""
     other = said.rephrase or not said.known or (said.action, said.arms) != (action, arms)
     return replace(said, action=action, arms=arms, options=(action,), shares=(said.share,), warnings=(), rephrase=other)
 
 
 def ambiguous_actions(said: Understanding, denied: Understanding) -> list[tuple[str, float]]:
-    """(action, probability) of what a prompt leaves open and the negative prompt doesn't rule out; empty where that
-    rules out none of the prompt's own or leaves nothing, or the prompt is clear."""
+    """(action, probability) of a prompt's alternatives that the negative prompt leaves; empty where it excludes none or
+    all."""
     options = [(a, s) for a, s in zip(said.options, said.shares, strict=True) if a in CLAUSES]
     left = [(a, s) for a, s in options if a not in denied.options]
     return left if 0 < len(left) < len(options) else []

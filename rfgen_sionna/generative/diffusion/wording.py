@@ -1,4 +1,4 @@
-"""What goes around the clauses of the phrase book: open wordings, fragments, subjects, endings, paces."""
+"""Wordings beside the clauses of the phrase book: ambiguous clauses, fragments, actions of arms and legs."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ OPEN_CLAUSES: MappingProxyType[tuple[str, ...], tuple[str, ...]] = MappingProxyT
         ("jump", "jumping_jacks"): ("<do> a jumping exercise", "<exercise> by jumping"),
     }
 )
-"""Actions that a clause leaves open -> clauses."""
+"""Actions between which a clause does not decide -> clauses."""
 
 FRAGMENTS: MappingProxyType[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -72,7 +72,7 @@ FRAGMENTS: MappingProxyType[str, tuple[str, ...]] = MappingProxyType(
         "walk_straight": ("walking straight", "straight ahead"),
     }
 )
-"""What a negative prompt or a list of keywords says."""
+"""Action -> words of a negative prompt or a list of keywords."""
 
 UPPER = ("left_arm_raised", "right_arm_raised", "t_pose", "y_pose", "swipe_left", "swipe_right", "push", "pull",
          "circle_clockwise", "circle_counterclockwise", "click", "finger_swing")  # fmt: skip
@@ -85,6 +85,6 @@ CAPTURED_LEGS: MappingProxyType[str, str] = MappingProxyType(
         "jog_in_place": "jogs in place",
     }
 )
-"""Captured actions that leave the arms free -> how they are said plainly."""
+"""Captured actions that leave the arms free -> plain clause."""
 LOWER = ("walk", "walk_straight", "jump", "left_leg_raised", "right_leg_raised", *CAPTURED_LEGS)
-"""Actions that leave the arms free for one of those."""
+"""Actions that combine with those of the arms."""

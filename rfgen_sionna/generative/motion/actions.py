@@ -1,4 +1,4 @@
-"""The actions that can be asked for by name."""
+"""Actions of the kinematic synthesiser by name."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rfgen_sionna.generative.motion.tracks import MotionTracks
 from rfgen_sionna.generative.motion.walk import walk, walk_straight
 
 Writer = Callable[[MotionTracks, np.random.Generator, str, float], None]
-"""(score, rng, hand "left" or "right", speed factor): writes an action into a score."""
+"""(tracks, rng, hand "left" or "right", speed factor): writes an action into tracks."""
 
 
 @dataclass(frozen=True)
@@ -24,23 +24,23 @@ class Action:
 
     name: str
     description: str
-    """What a person does, as a clause: "walks back and forth"."""
+    """Clause for a person who does it: "walks back and forth"."""
     write: Writer
     one_handed: bool = False
-    """Whether the choice of the hand matters."""
+    """Whether the hand can be chosen."""
     crossing: bool = False
-    """Whether two hands that did it at once would run into each other."""
+    """Whether two hands that do it at once would collide."""
     periodic: bool = True
-    """Whether it repeats with a rhythm; postures don't."""
+    """Whether it repeats rhythmically; postures do not."""
 
     @property
     def hands(self) -> tuple[str, ...]:
-        """What may do it: "left", "right", and "both" in step; empty where the hand is no choice."""
+        """Allowed hands: "left", "right" and "both" in step; empty where the hand cannot be chosen."""
         return () if not self.one_handed else SIDES if self.crossing else HANDS
 
 
 def with_hand(hand: str) -> str:
-    """What says that a gesture is made with the "left", the "right" or "both" hands."""
+    """Phrase for the hands of a gesture, from "left", "right" or "both"."""
     return " with both hands" if hand == "both" else f" with the {hand} hand"
 
 
@@ -72,9 +72,9 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             Action("click", "clicks with the index finger", gestures.click, one_handed=True),
             Action("finger_swing", "swings the index finger", gestures.finger_swing, one_handed=True),
             Action("standing", "stands", postures.standing, periodic=False),
-            # seeds count actions from the top: new ones go here
+            # append only: random streams depend on the index of an action
             Action("walk_straight", "walks straight ahead", walk_straight),
         )
     }
 )
-"""All actions by name. Left, right and clockwise are the person's own."""
+"""Actions by name. Left, right and clockwise are from the person's view."""

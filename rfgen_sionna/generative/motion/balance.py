@@ -1,4 +1,4 @@
-"""Keep a standing person's centre of mass over the feet, and the legs long enough."""
+"""Balance of a standing person: centre of mass over the feet, legs within reach."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def over_feet(tracks: MotionTracks, weight: FloatArray | float = 0.5, ahead: flo
     """Shift the pelvis so that the centre of mass stays over the support.
 
     Args:
-        score: changed in place; its centre of mass sways by `tracks.sway`.
+        tracks: changed in place; `tracks.sway` is added to the centre of mass.
         weight: share of the weight on the left foot, (n,) or constant.
-        ahead: how far in front of the ankles the weight rests [m], for legs of 0.82 m.
+        ahead: distance of the support in front of the ankles [m], for legs of 0.82 m.
     """
     left, right = (tracks.feet[s] for s in SIDES)
     w = np.broadcast_to(np.asarray(weight, float), (tracks.n,))[:, None]
@@ -58,7 +58,7 @@ def over_feet(tracks: MotionTracks, weight: FloatArray | float = 0.5, ahead: flo
 
 
 def fit_height(tracks: MotionTracks, reach: float = 0.985) -> None:
-    """Lower the pelvis by one constant so that no leg is stretched beyond `reach` of its length."""
+    """Lower the pelvis by one constant so that no leg is longer than `reach` of its length."""
     sk = tracks.skeleton
     longest = reach * sk.leg_length()
     for _ in range(4):
@@ -73,10 +73,9 @@ def fit_height(tracks: MotionTracks, reach: float = 0.985) -> None:
 
 
 def ride_height(tracks: MotionTracks, reach: float = 0.99, sigma: float = 0.04) -> None:
-    """Lower the pelvis smoothly, where and when the legs ask for it: the vault of walking.
+    """Lower the pelvis smoothly to within reach of both legs, as in walking.
 
-    The highest pelvis that both legs allow is found at each instant, its lower envelope smoothed over `sigma` [s], and
-    the pelvis kept under it.
+    The lower envelope of the highest pelvis that both legs allow is smoothed over `sigma` [s].
     """
     sk = tracks.skeleton
     longest = reach * sk.leg_length()

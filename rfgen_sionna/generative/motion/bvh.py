@@ -27,7 +27,7 @@ _NAMES: tuple[tuple[str, str], ...] = (
     ("elbow", r"(?:forearm|lowarm|lowerarm|elbow)$"),
     ("wrist", r"(?:hand|wrist)$"),
 )
-"""Our name of a limb's joint -> how it ends elsewhere, side taken off."""
+"""Joint of a limb -> regular expression of other programs' names without side."""
 _TRUNK = {
     "pelvis": r"(?:hips?|pelvis|root)$",
     "spine1": r"(?:lowerback|spine|spine0|abdomen|torso)$",
@@ -36,13 +36,13 @@ _TRUNK = {
     "head": r"(?:head)$",
 }
 _PREFIX = re.compile(r"^(?:bip\d*|mixamorig\d*|bone)[ _.-]+")
-"""What programs put before every name."""
+"""Prefixes of all names, by program."""
 _SUFFIX = re.compile(r"^(.*\D)[ _.-](l|r|left|right)$")
-"""A side after the name, as Unreal and Blender have it."""
+"""Side after the name, as in Unreal and Blender."""
 _UPRIGHT = 0.7
-"""Cosine between spine and an axis from which that axis is up."""
+"""Least cosine between spine and an axis for that axis to be up."""
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Rows times this: from z up to y up."""
+"""Matrix for rows, from z up to y up."""
 
 
 @dataclass
@@ -56,19 +56,17 @@ class _Node:
 def load_bvh(path: Path, *, unit: float | None = None, up: str | None = None, action: str = "") -> Motion:
     """Read a BVH file onto the mean adult.
 
-    The joints' positions are taken over, whatever the file's rest pose: hands and the twist of straight limbs stay at
-    rest.
+    Joint positions are used, independent of the file's rest pose; hands and the twist of straight limbs stay at rest.
 
     Args:
         path: the file.
-        unit: length of the file's unit [m]; None takes the one among m, dm, inch, cm and mm with which legs have about
-            a human's length.
-        up: up axis of the file's world, "y" or "z"; None takes the one along which the head is over the hips at rest.
+        unit: the file's unit of length [m]; None takes the one among m, dm, inch, cm and mm that gives human legs.
+        up: up axis of the file's world, "y" or "z"; None takes the axis along which the head is over the hips at rest.
         action: label.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ClipError: it is no BVH file, or lacks a joint of the human body; the message says which.
+        ClipError: the file is no BVH file, or lacks a joint of the human body; the message names it.
     """
     if not path.is_file():
         raise FileNotFoundError(f"no motion file {path}")
@@ -90,7 +88,7 @@ def _parse(name: str, text: str) -> tuple[list[_Node], FloatArray, float]:
     head, found, rest = text.partition("MOTION")
     if "HIERARCHY" not in head or not found:
         raise ClipError(f"{name}: not a BVH file; HIERARCHY or MOTION is missing")
-    # names may have blanks: "Bip01 L Thigh"
+    # names with blanks: "Bip01 L Thigh"
     head = re.sub(r"\b(ROOT|JOINT)[ \t]+([^\n\r{]+)", lambda m: f"{m[1]} {'_'.join(m[2].split())} ", head)
     try:
         nodes = _nodes(head.split())
@@ -105,12 +103,12 @@ def _parse(name: str, text: str) -> tuple[list[_Node], FloatArray, float]:
     except ValueError as error:
         raise ClipError(f"{name}: a value of the motion is not a number ({error})") from error
     if not width or values.size != width * int(match[1]) or not values.size:
-        raise ClipError(f"{name}: {values.size} values; {match[1]} frames of {width} channels are announced")
+        raise ClipError(f"{name}: {values.size} values; {match[1]} frames of {width} channels are needed")
     return nodes, values.reshape(-1, width), 1.0 / float(match[2])
 
 
 def _nodes(words: list[str]) -> list[_Node]:
-    """The skeleton; ValueError, IndexError or StopIteration where it is none."""
+    """Nodes of the skeleton; ValueError, IndexError or StopIteration for a malformed one."""
     nodes: list[_Node] = []
     stack: list[int] = []
     current = -1
@@ -156,7 +154,7 @@ def _positions(nodes: list[_Node], frames: FloatArray) -> FloatArray:
             else:
                 moved[:, "xyz".index(axis)] = values
         if k and node.channels and np.abs(np.median(moved, axis=0)).max() < 0.5 * np.abs(node.offset).max():
-            moved += node.offset  # most programs write the whole offset there, some what is added to it
+            moved += node.offset  # some programs write positions relative to the offset
         parent = node.parent
         world[:, k] = local if parent < 0 else world[:, parent] @ local
         places[:, k] = moved if parent < 0 else places[:, parent] + np.einsum("fij,fj->fi", world[:, parent], moved)
@@ -170,10 +168,10 @@ def _side(word: str) -> str:
 
 
 def _found(name: str, nodes: list[_Node]) -> dict[str, int]:
-    """Our joint -> the file's node.
+    """Joint of the package -> node of the file.
 
     Raises:
-        ClipError: a joint that is needed is not recognised.
+        ClipError: a needed joint is not recognised.
     """
     words = [_SUFFIX.sub(r"\2\1", _PREFIX.sub("", n.name.split(":")[-1].lower())) for n in nodes]
     plain = [re.sub(r"[^a-z0-9]", "", word) for word in words]
@@ -186,13 +184,13 @@ def _found(name: str, nodes: list[_Node]) -> dict[str, int]:
     found: dict[str, int] = {}
     for k, side, bare in limbs:
         if bare == "hand" and (side, "wrist") in exact:
-            continue  # as SMPL has them: the hand hangs on the wrist, and the foot on the ankle
+            continue  # SMPL's names: wrist and hand, ankle and foot
         if bare == "foot" and (side, "ankle") in exact:
             found[f"{side}_foot"] = k
             continue
         for ours, pattern in _NAMES:
             if re.match(pattern, bare):
-                # where a file has "LeftHip" and "LeftUpLeg" or two collars, the later one is the joint that swings
+                # of "LeftHip" and "LeftUpLeg", or of two collars, the later one is the joint
                 found[f"{side}_{ours}"] = k
                 break
     for k, word in enumerate(plain):
@@ -205,7 +203,7 @@ def _found(name: str, nodes: list[_Node]) -> dict[str, int]:
     if "pelvis" not in found and nodes[0].channels:
         found["pelvis"] = 0  # 3ds Max calls its root by the figure's name
     for side in ("left", "right"):
-        # "shoulder" may be the collar or the joint of the upper arm: with an upper arm it is the collar
+        # "shoulder" is the collar only where there is an upper arm
         if f"{side}_shoulder" not in found and f"{side}_collar" in found:
             found[f"{side}_shoulder"] = found.pop(f"{side}_collar")
     needed = ["pelvis", "head", *(f"{s}_{j}" for s in ("left", "right") for j in
@@ -213,14 +211,13 @@ def _found(name: str, nodes: list[_Node]) -> dict[str, int]:
     missing = [j for j in needed if j not in found]
     if missing:
         raise ClipError(
-            f"{name}: no joint that is recognised as {', '.join(missing)}; it has {', '.join(n.name for n in nodes)}"
+            f"{name}: no joint is recognised as {', '.join(missing)}; its joints are {', '.join(n.name for n in nodes)}"
         )
     return found
 
 
 def _upright(name: str, nodes: list[_Node], places: FloatArray, found: dict[str, int]) -> str:
-    """The axis, of y and z, along which the head is over the hips at rest, or on average where the rest pose doesn't
-    tell; y where neither does."""
+    """Axis, y or z, along which the head is over the hips at rest, else on average, else y."""
     rest = np.zeros((1, len(nodes), 3))
     for k, node in enumerate(nodes):
         rest[0, k] = node.offset + (rest[0, node.parent] if node.parent >= 0 else 0.0)
@@ -230,20 +227,20 @@ def _upright(name: str, nodes: list[_Node], places: FloatArray, found: dict[str,
         _, y, z = np.mean(spine / np.maximum(np.linalg.norm(spine, axis=-1, keepdims=True), 1e-12), axis=0)
         if max(abs(y), z) > _UPRIGHT:
             if z > abs(y):
-                _LOG.info("%s: read with z up, along which its head is over its hips; up='y' reads it otherwise", name)
+                _LOG.info("%s: read with z up, since its head is over its hips along z; up='y' overrides", name)
             return "z" if z > abs(y) else "y"
     return "y"
 
 
 def _ours(name: str, found: dict[str, int], places: FloatArray) -> FloatArray:
-    """(frame, 22, 3) positions of our joints, y up."""
+    """(frame, 22, 3) positions of the package's joints, y up."""
     out = np.empty((len(places), NUM_BODY_JOINTS, 3))
     for joint, k in found.items():
         out[:, JOINT[joint]] = places[:, k]
     hips = 0.5 * (out[:, JOINT["left_hip"]] + out[:, JOINT["right_hip"]])
     shoulders = 0.5 * (out[:, JOINT["left_shoulder"]] + out[:, JOINT["right_shoulder"]])
     for joint, share in (("spine1", 0.08), ("spine2", 0.4), ("spine3", 0.6), ("neck", 1.02)):
-        # vertebrae are numbered in every way: they are spread evenly instead
+        # numbering of vertebrae varies: spread them evenly
         out[:, JOINT[joint]] = hips + share * (shoulders - hips)
     out[:, JOINT["pelvis"]] = hips
     for side in ("left", "right"):

@@ -1,4 +1,4 @@
-"""Smooth curves that motion is made of; all are C² in time."""
+"""Smooth curves (C² in time) for synthesised motion."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from rfgen_sionna._types import FloatArray
 
 
 def ease(s: FloatArray) -> FloatArray:
-    """0 to 1 with vanishing first and second derivative at both ends, held outside.
+    """0 to 1 with zero first and second derivative at both ends; constant outside.
 
-    The minimum-jerk profile of human reaching (Flash and Hogan 1985).
+    Minimum-jerk profile of human reaching (Flash and Hogan 1985).
     """
     s = np.clip(s, 0.0, 1.0)
     return s**3 * (10.0 + s * (6.0 * s - 15.0))
@@ -32,13 +32,13 @@ def cruise(s: FloatArray, ramp: float = 0.35) -> FloatArray:
 
 
 def bump(s: FloatArray) -> FloatArray:
-    """0 to 1 and back over s in [0, 1], C² at both ends, flat-topped enough to resemble a hop."""
+    """0 to 1 and back over s in [0, 1], C² at both ends."""
     s = np.clip(s, 0.0, 1.0)
     return 64.0 * (s * (1.0 - s)) ** 3
 
 
 def keys(t: FloatArray, times: Sequence[float], values: ArrayLike) -> FloatArray:
-    """Minimum-jerk moves from one key pose to the next, at rest in each.
+    """Minimum-jerk moves between key values, at rest in each.
 
     Args:
         t: (n,) times [s].
@@ -46,7 +46,7 @@ def keys(t: FloatArray, times: Sequence[float], values: ArrayLike) -> FloatArray
         values: (k,) or (k, d) key values.
 
     Returns:
-        (n,) or (n, d) values at `t`; the first and last key are held outside.
+        (n,) or (n, d) values at `t`; constant before the first and after the last key.
     """
     v = np.asarray(values, np.float64)
     knots = np.asarray(times, np.float64)
@@ -58,13 +58,14 @@ def keys(t: FloatArray, times: Sequence[float], values: ArrayLike) -> FloatArray
 
 
 def hermite(t: FloatArray, times: Sequence[float], states: Sequence[Sequence[float]]) -> FloatArray:
-    """Quintic pieces through (value, first, second derivative) at each of `times`; `t` is clipped to their range."""
+    """(n,) quintic pieces through (value, first, second derivative) at each of `times` [s]; `t` is clipped to their
+    range."""
     curve = BPoly.from_derivatives(np.asarray(times, float), [list(s) for s in states])
     return curve(np.clip(t, times[0], times[-1]))
 
 
 def wander(t: FloatArray, rng: np.random.Generator, rms: float, low: float = 0.1, high: float = 0.7) -> FloatArray:
-    """(n,) slow irregular drift: eight sinusoids between `low` and `high` [Hz], weaker the faster, of that rms."""
+    """(n,) slow irregular drift of the given rms: eight sinusoids between `low` and `high` [Hz], amplitude ∝ 1/f."""
     f = np.geomspace(low, high, 8) * rng.uniform(0.85, 1.15, 8)
     a = 1.0 / f
     a *= rms * np.sqrt(2.0 / np.sum(a**2))

@@ -1,4 +1,4 @@
-"""Joint rotations from joint positions, which is all that many sources of motion give."""
+"""Joint rotations from joint positions."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from rfgen_sionna.generative.motion.skeleton import (
 from rfgen_sionna.records import Motion
 
 _AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""From y up, facing z, left at +x to ours."""
+"""From y up, facing z, left at +x to the package's frame."""
 
 _BENT = np.radians(20.0)
-"""From this flexion on a limb's plane of bending is trusted in full; below, less and less."""
+"""Flexion from which a limb's plane of bending gets full weight [rad]; bounds the effect of position noise."""
 
 
 def motion_from_positions(positions: FloatArray, frame_rate: float, *, action: str = "") -> Motion:
-    """A motion on the mean adult whose joints lie as the positions say.
+    """A motion on the mean adult whose joints follow positions.
 
-    Bones take their directions from the positions; hips and shoulders are turned so that knees and elbows bend in the
-    plane in which they do. What positions don't show (the twist of a straight limb, forearms, fingers) stays at rest.
+    Bones take their directions from the positions; hips and shoulders turn so that knees and elbows bend in their
+    plane. Unobservable angles (twist of a straight limb, forearms, fingers) stay at rest.
 
     Args:
         positions: (frame, 22, 3) SMPL's body joints [m], z up, floor at z = 0.
@@ -45,7 +45,7 @@ def motion_from_positions(positions: FloatArray, frame_rate: float, *, action: s
     if p.ndim != 3 or p.shape[1:] != (NUM_BODY_JOINTS, 3) or not len(p):
         raise ValueError(f"positions: shape {p.shape}; allowed is (frames, {NUM_BODY_JOINTS}, 3)")
     if not np.isfinite(p).all():
-        raise ValueError("positions: they hold values that are not finite")
+        raise ValueError("positions: values are not finite; remove those frames")
     if not (np.isfinite(frame_rate) and frame_rate > 0.0):
         raise ValueError(f"frame_rate: {frame_rate!r} Hz; allowed is more than 0")
     world = np.empty((len(p), NUM_BODY_JOINTS, 3, 3))
@@ -53,7 +53,7 @@ def motion_from_positions(positions: FloatArray, frame_rate: float, *, action: s
 
     def bones(joint: str, *children: str) -> tuple[FloatArray, FloatArray]:
         theirs = np.stack([p[:, JOINT[c]] - p[:, JOINT[joint]] for c in children], axis=1)
-        # a bone of no length at rest (the spine starts in the pelvis) has the direction of the next
+        # zero-length bones at rest (spine1) take +x
         ours = np.stack([rest[JOINT[c]] + 1e-9 * X for c in children])
         return normalised(theirs), normalised(ours)
 
@@ -73,7 +73,6 @@ def motion_from_positions(positions: FloatArray, frame_rate: float, *, action: s
             if chain[0] == "collar":
                 d, u = bones(f"{side}_collar", f"{side}_shoulder")
                 world[:, a] = _swung(world[:, chest], u[0], d[:, 0])
-                # an elbow's hinge at rest is vertical: it bends the forearm forwards, its point lies behind
                 _limb(world, p, (PARENTS[a], a), (b, c, e), bend, rest)
                 world[:, e] = world[:, c]
             else:
@@ -87,7 +86,7 @@ def motion_from_positions(positions: FloatArray, frame_rate: float, *, action: s
     legs = [np.linalg.norm(p[:, JOINT[f"{s}_{b}"]] - p[:, JOINT[f"{s}_{a}"]], axis=-1)
             for s in SIDES for a, b in (("hip", "knee"), ("knee", "ankle"))]  # fmt: skip
     scale = 2.0 * MEAN_ADULT.leg_length() / float(np.sum([np.median(length) for length in legs]))
-    # the pelvis joint sits elsewhere between the hips in other skeletons
+    # the pelvis joint of other skeletons lies elsewhere between the hips
     hips = 0.5 * (p[:, JOINT["left_hip"]] + p[:, JOINT["right_hip"]])
     middle = 0.5 * (rest[JOINT["left_hip"]] + rest[JOINT["right_hip"]])
     return Motion(
@@ -102,7 +101,7 @@ def motion_from_positions(positions: FloatArray, frame_rate: float, *, action: s
 
 
 def bones_of_pelvis(p: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(frame, 2, 3) and (2, 3) unit vectors: from hip to hip and up the spine, as they are and at rest."""
+    """(frame, 2, 3) and (2, 3) unit vectors from hip to hip and up the spine, in the poses and at rest."""
     hips = p[:, JOINT["left_hip"]] - p[:, JOINT["right_hip"]]
     spine = p[:, JOINT["spine2"]] - 0.5 * (p[:, JOINT["left_hip"]] + p[:, JOINT["right_hip"]])
     hip, spine2 = rest[JOINT["left_hip"]], rest[JOINT["spine1"]] + rest[JOINT["spine2"]]
@@ -112,7 +111,7 @@ def bones_of_pelvis(p: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def _fitted(directions: FloatArray, rest: FloatArray) -> FloatArray:
-    """(n, 3, 3) rotations that take (k, 3) unit vectors nearest to (n, k, 3), by least squares (Kabsch 1976)."""
+    """(n, 3, 3) rotations that fit (k, 3) unit vectors to (n, k, 3) by least squares (Kabsch 1976)."""
     u, _, vt = np.linalg.svd(np.einsum("nki,kj->nij", directions, rest))
     sign = np.sign(np.linalg.det(u @ vt))
     u[:, :, 2] *= sign[:, None]
@@ -120,7 +119,7 @@ def _fitted(directions: FloatArray, rest: FloatArray) -> FloatArray:
 
 
 def _swung(parent: FloatArray, rest: FloatArray, direction: FloatArray) -> FloatArray:
-    """(n, 3, 3): the parent's rotation swung on the shortest way so that its bone `rest` points along `direction`."""
+    """(n, 3, 3) parent's rotation, turned by the smallest angle so that its bone `rest` points along `direction`."""
     return between(parent @ rest, direction) @ parent
 
 
@@ -132,14 +131,14 @@ def _limb(
     bend: FloatArray,
     rest: FloatArray,
 ) -> None:
-    """Rotations of the two bones of a limb: the middle joint bends to the side where it is, or as at rest if straight.
+    """Write the rotations of a limb's two bones; a straight limb bends as at rest.
 
     Args:
         world: (n, 22, 3, 3), written to.
         p: (n, 22, 3) positions.
         parents: joint whose rotation the swing starts from (trunk) and the bone's parent.
         joints: hip or shoulder, knee or elbow, ankle or wrist.
-        bend: (3,) side to which the middle joint bends at rest.
+        bend: (3,) bend direction of the middle joint at rest.
         rest: (52, 3) offsets.
     """
     a, b, c = joints
@@ -149,7 +148,7 @@ def _limb(
     seen = first - second
     flexion = np.arccos(np.clip(np.sum(first * second, axis=-1), -1.0, 1.0))
     weight = np.clip(flexion / _BENT, 0.0, 1.0)[:, None]
-    # noise of a nearly straight limb would spin it: the side is averaged over neighbouring poses, by how far it bends
+    # position noise would spin a straight limb: average the bend direction over time, weighted by flexion
     side = weight * seen / np.maximum(np.linalg.norm(seen, axis=-1, keepdims=True), 1e-9) + (1.0 - weight) * usual
     side = gaussian_filter1d(side, 1.0, axis=0, mode="nearest") if len(side) > 3 else side
     for joint, child, direction in ((a, b, first), (b, c, second)):
@@ -164,14 +163,14 @@ def _frames(u: FloatArray, m: FloatArray) -> FloatArray:
 
 
 def _foot(shank: FloatArray, rest: FloatArray, direction: FloatArray, side: int) -> FloatArray:
-    """(n, 3, 3) rotation of a foot that points along `direction` and doesn't roll against the shank."""
+    """(n, 3, 3) rotation of a foot along `direction` without roll against the shank."""
     across = shank @ np.array([0.0, float(side), 0.0])
     m0 = perpendicular(np.array([0.0, float(side), 0.0]), rest)
     return _frames(direction, perpendicular(across, direction)) @ _frames(rest[None], m0[None]).transpose(0, 2, 1)
 
 
 def from_y_up(positions: FloatArray, frame_rate: float, action: str = "", prompt: str = "") -> Motion:
-    """A motion from (frame, 22, 3) positions, y up: over the origin at first, facing ahead, on the floor."""
+    """A motion from (frame, 22, 3) positions [m], y up: it starts over the origin facing +x, on the floor."""
     p = np.asarray(positions, np.float64) @ _AXES.T
     across = p[0, JOINT["left_hip"]] - p[0, JOINT["right_hip"]]
     yaw = np.arctan2(-across[0], across[1])

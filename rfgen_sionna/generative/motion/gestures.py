@@ -1,4 +1,4 @@
-"""One-handed gestures in front of the body: swipes, push, pull, circles, click, finger swing."""
+"""Gestures of one hand in front of the body: swipes, push, pull, circles, click, finger swing."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from rfgen_sionna.generative.motion.tracks import GESTURE_POLE, MotionTracks
 OPEN_HAND = np.array([[0.06, 0.06, 0.04]] * 4 + [[0.0, 0.05, 0.05]])
 FIST = np.array([[1.25, 1.45, 0.8]] * 4 + [[0.35, 0.45, 0.5]])
 POINTING = np.array([[0.1, 0.1, 0.05]] + [[1.25, 1.45, 0.8]] * 3 + [[0.35, 0.45, 0.5]])
-"""(finger, joint) flexions [rad] of an open hand, a fist and a pointing index, in the order of `FINGERS`."""
+"""(finger, joint) flexions [rad] of a pointing index, as above of an open hand and a fist, in the order of
+`FINGERS`."""
 
 
 def _ready(tracks: MotionTracks, rng: np.random.Generator, hand: str) -> float:
-    """Quiet standing with the working arm's elbow down; returns the reach of the arm [m]."""
+    """Quiet standing with the working arm's elbow down; returns the arm's reach [m]."""
     relaxed(tracks, rng)
     quiet(tracks, rng, 0.9)
     sk, arm = tracks.skeleton, tracks.arms[hand]
@@ -29,7 +30,7 @@ def _ready(tracks: MotionTracks, rng: np.random.Generator, hand: str) -> float:
 
 
 def _wrist(tracks: MotionTracks, hand: str, from_shoulder: FloatArray, reach: float) -> None:
-    """Put the wrist at (n, 3), in units of the arm's reach, from the shoulder in the chest's frame (y outwards)."""
+    """Place the wrist at (n, 3) from the shoulder, in units of the arm's reach, in the chest's frame (y outwards)."""
     a, b = (tracks.skeleton.length(f"{hand}_{j}") for j in ("elbow", "wrist"))
     d = np.clip(np.linalg.norm(from_shoulder, axis=-1) * reach, abs(a - b) + 0.02, 0.985 * reach)
     tracks.arms[hand].direction = from_shoulder
@@ -39,10 +40,10 @@ def _wrist(tracks: MotionTracks, hand: str, from_shoulder: FloatArray, reach: fl
 def _repeat(
     t: FloatArray, rng: np.random.Generator, durations: Sequence[float], values: Sequence[Sequence[float]], speed: float
 ) -> FloatArray:
-    """(n, d) values of key poses gone through again and again with a personal rhythm.
+    """(n, d) values of repeated key poses with a personal rhythm.
 
     Args:
-        durations: time of the move to each key from the one before [s].
+        durations: time of the move to each key [s].
         values: (k, d) key values; the first move starts from the last key.
     """
     total = sum(durations) / speed
@@ -67,8 +68,7 @@ def _swipe(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: flo
     reach = _ready(tracks, rng, hand)
     s = side_sign(hand)
     width, level = rng.uniform(0.75, 1.0), rng.uniform(-0.35, -0.12)
-    middle = -0.08  # across the body, the hand's own side is +
-    # outwards of the working hand is `s`: a swipe towards the left is outwards for the left hand
+    middle = -0.08  # across the body, + on the hand's side
     end, begin = middle + 0.5 * width * s * towards, middle - 0.5 * width * s * towards
     forward = rng.uniform(0.55, 0.68)
     back = forward - rng.uniform(0.08, 0.2)
@@ -84,7 +84,7 @@ def _swipe(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: flo
     _wrist(tracks, hand, state[:, :3] + _drift(tracks, rng), reach)
     wrist = tracks.hands[hand]
     flat = state[:, 3]
-    # the palm faces the way of the stroke: inwards is neutral, outwards needs pronation
+    # the palm faces the stroke: neutral inwards, pronated outwards
     inwards = -s * towards
     wrist.pronation[:] = (0.15 if inwards > 0 else 1.0) + rng.uniform(-0.15, 0.15)
     across = (state[:, 1] - middle) / (0.5 * width)
@@ -115,16 +115,16 @@ def _to_and_fro(
     drawn_in: tuple[float, float],
     grip: Sequence[float],
 ) -> tuple[FloatArray, FloatArray]:
-    """The hand goes out in front of the body and comes back, again and again.
+    """Repeated reach of the hand in front of the body and back.
 
     Args:
         reaches: ranges of near, far, level and side of the wrist from the shoulder, in units of the arm's reach.
-        times: ranges of the times [s] of going out, staying there, coming back and staying here.
-        drawn_in: how much further out to the side and lower the hand is when it is near.
-        grip: what the hand does at the end of each of the four.
+        times: ranges of the times [s] out, held far, back and held near.
+        drawn_in: offset of the near position outwards and downwards.
+        grip: state of the hand at the end of each of the four.
 
     Returns:
-        (n,) grip, and (n,) how near the hand is, 0 .. 1 between far and near.
+        (n,) grip, and (n,) nearness, 0 far .. 1 near.
     """
     reach = _ready(tracks, rng, hand)
     near, far, level, side = (rng.uniform(*between) for between in reaches)
@@ -137,7 +137,7 @@ def _to_and_fro(
 
 
 def push(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The palm is thrust forwards quickly and comes back slowly."""
+    """The palm moves forwards quickly and back slowly."""
     reaches = (0.34, 0.44), (0.88, 0.95), (-0.25, 0.0), (-0.2, 0.1)
     times = (0.3, 0.42), (0.15, 0.35), (0.7, 1.0), (0.1, 0.35)
     out, _ = _to_and_fro(tracks, rng, hand, speed, reaches, times, (0.06, 0.06), (1.0, 1.0, 0.0, 0.0))
@@ -151,7 +151,7 @@ def push(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float
 
 
 def pull(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The hand reaches out slowly, grasps, and is drawn to the body quickly."""
+    """The hand reaches out slowly, grasps, and moves to the body quickly."""
     reaches = (0.34, 0.45), (0.86, 0.94), (-0.35, -0.1), (-0.15, 0.1)
     times = (0.75, 1.1), (0.18, 0.3), (0.32, 0.45), (0.15, 0.4)
     grip, nearness = _to_and_fro(tracks, rng, hand, speed, reaches, times, (0.12, 0.15), (0.0, 1.0, 1.0, 0.3))
@@ -165,13 +165,13 @@ def pull(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float
 
 
 def _circle(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, clockwise: bool) -> None:
-    """The hand draws circles in a plane in front of the body; the sense is the person's own view."""
+    """Circles of the hand in a plane in front of the body; the sense is from the person's view."""
     reach = _ready(tracks, rng, hand)
     s, t = side_sign(hand), tracks.t
     period = rng.uniform(1.0, 1.6) / speed
     radius, flat = rng.uniform(0.26, 0.36), rng.uniform(0.85, 1.1)
     angle = 2.0 * np.pi * (t / period + rng.uniform()) + 0.25 * wander(t, rng, 1.0, 0.1, 0.4)
-    # seen by the person, clockwise goes up, to the right, down: right is -y in the world, -s outwards
+    # from the person's view; right is -y in the world, -s outwards
     right = np.sin(angle) if clockwise else -np.sin(angle)
     up = np.cos(angle)
     forward = rng.uniform(0.6, 0.7)
@@ -188,17 +188,17 @@ def _circle(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: fl
 
 
 def circle_clockwise(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The hand draws circles, clockwise as the person sees it."""
+    """The hand draws circles, clockwise from the person's view."""
     _circle(tracks, rng, hand, speed, True)
 
 
 def circle_counterclockwise(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The hand draws circles, counter-clockwise as the person sees it."""
+    """The hand draws circles, counter-clockwise from the person's view."""
     _circle(tracks, rng, hand, speed, False)
 
 
 def click(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The index finger taps forwards and down as on a button, the hand nods along a little."""
+    """The index finger taps forwards and down; the hand follows slightly."""
     reach = _ready(tracks, rng, hand)
     spot = np.array([rng.uniform(0.6, 0.75), rng.uniform(-0.2, 0.05), rng.uniform(-0.3, -0.1)])
     press, lift, wait = rng.uniform(0.12, 0.18), rng.uniform(0.16, 0.24), rng.uniform(0.3, 0.7)
@@ -224,10 +224,10 @@ def click(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: floa
 
 
 def finger_swing(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The raised index finger swings from side to side, from the wrist and the knuckle."""
+    """The raised index finger swings from side to side, from wrist and knuckle."""
     reach = _ready(tracks, rng, hand)
     t = tracks.t
-    # elbow tucked in, so that the forearm stands upright and the finger wags sideways
+    # elbow tucked in: upright forearm
     tracks.arms[hand].pole = np.tile([-0.35, 0.15, -1.0], (tracks.n, 1))
     spot = np.array([rng.uniform(0.45, 0.55), rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.15)])
     _wrist(tracks, hand, spot + _drift(tracks, rng, 0.006), reach)

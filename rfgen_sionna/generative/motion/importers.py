@@ -23,9 +23,9 @@ MOTION_SUFFIXES = (".npz", ".npy", ".bvh")
 HUMANML_RATE = 20.0
 """Poses per second of HumanML3D and of MDM's results [Hz]."""
 _LONGER = 0.3
-"""Relative standard deviation of a bone's length over time from which positions are those of no body."""
+"""Largest relative standard deviation of a leg bone's length over time; above, positions are no body's."""
 _LYING = 0.35
-"""Cosine of the pelvis' tilt under which nobody stands."""
+"""Cosine of the pelvis' tilt below which nobody stands."""
 _ALLOWED = {
     ("numpy.core.multiarray", "_reconstruct"),
     ("numpy._core.multiarray", "_reconstruct"),
@@ -37,21 +37,21 @@ _ALLOWED = {
 
 
 def load_any_motion(path: str | PathLike[str], *, up: str | None = None, index: int = 0, action: str = "") -> Motion:
-    """A motion from a file, by its ending.
+    """A motion from a file, by its extension.
 
     `.npz`: AMASS, SMPL, SMPL-H, SMPL-X parameters. `.npy`: MDM's `results.npy`, HumanML3D features (frame, 263) or
-    joint positions (frame, 22, 3), at 20 Hz. `.bvh`: a motion-capture file with a human skeleton.
+    joint positions (frame, 22, 3), at 20 Hz. `.bvh`: motion capture with a human skeleton.
 
     Args:
         path: the file.
-        up: up axis of the world of an `.npz` or `.bvh` clip, "z" or "y"; None is z for the first, as AMASS has it, and
-            what people stand along in the other. Those of `.npy` have y up.
-        index: which motion of a file with several.
+        up: up axis of the world of an `.npz` or `.bvh` clip, "z" or "y". None takes z for `.npz` (AMASS) and the axis
+            along which people stand for `.bvh`. `.npy` files have y up.
+        index: number of the motion in a file with several.
         action: label.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ClipError: the file cannot be used.
+        ClipError: the file is unusable; the message names field, value and cure.
     """
     path = Path(path)
     if isinstance(index, bool) or not isinstance(index, (int, np.integer)):
@@ -79,22 +79,22 @@ def load_any_motion(path: str | PathLike[str], *, up: str | None = None, index: 
 
 
 def _warn_of_lying(name: str, motion: Motion, up: str) -> None:
-    """A clip whose world has another axis up lies all the time."""
+    """Warn of a clip whose person never stands, as with a wrong up axis."""
     upright = Rotation.from_quat(motion.rotations[:, 0]).as_matrix()[:, 2, 2]
     if np.quantile(upright, 0.9) < _LYING:
         other = "y" if up == "z" else "z"
-        _LOG.warning("%s: whoever it is never stands, with %s up; if he should, say up=%r", name, up, other)
+        _LOG.warning("%s: the person never stands with %s up; a standing person needs up=%r", name, up, other)
 
 
 def positions_of_humanml(features: FloatArray) -> FloatArray:
-    """(frame, 22, 3) joint positions, y up, of HumanML3D's (frame, 263) features, not normalised.
+    """(frame, 22, 3) joint positions [m], y up, of HumanML3D's (frame, 263) features, not normalised.
 
-    A row holds the root's turn to the next pose [rad, about y], its step [m, in its own frame], its height, the other
-    joints' positions seen from it, their rotations and velocities, and foot contacts (Guo et al. 2022).
+    A row holds the root's turn to the next pose [rad, about y], its step [m, root frame], its height, the other joints'
+    positions in the root frame, their rotations and velocities, and foot contacts (Guo et al. 2022).
     """
     f = np.asarray(features, np.float64)
     turn = np.concatenate([[0.0], np.cumsum(f[:-1, 0])])
-    # a row's angle is half the turn's: quaternions were meant
+    # rows hold half angles
     c, s = np.cos(2.0 * turn), np.sin(2.0 * turn)
     inverse = np.zeros((len(f), 3, 3))
     inverse[:, 0, 0], inverse[:, 0, 2], inverse[:, 1, 1] = c, -s, 1.0
@@ -153,14 +153,14 @@ def _check_single(name: str, index: int) -> None:
 
 
 def _check_bones(name: str, positions: FloatArray) -> None:
-    """Thighs and shanks have a length, and keep it."""
+    """Check that thighs and shanks have a constant, nonzero length."""
     bones = [
         np.linalg.norm(positions[:, JOINT[f"{side}_{b}"]] - positions[:, JOINT[f"{side}_{a}"]], axis=-1)
         for side in SIDES
         for a, b in (("hip", "knee"), ("knee", "ankle"))
     ]
     if min(float(np.median(b)) for b in bones) < 1e-6:
-        raise ClipError(f"{name}: its joints lie in one place; allowed are legs of some length")
+        raise ClipError(f"{name}: all joints coincide; legs of some length are needed")
     spread = max(float(b.std() / b.mean()) for b in bones)
     if spread > _LONGER:
         raise ClipError(
@@ -170,11 +170,11 @@ def _check_bones(name: str, positions: FloatArray) -> None:
 
 
 class _ArraysOnly(pickle.Unpickler):
-    """Reads pickles of plain containers and arrays and nothing that could run."""
+    """Unpickler of plain containers and arrays; refuses everything executable."""
 
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) not in _ALLOWED:
-            raise ClipError(f"the file wants to load {module}.{name}; only arrays, texts and numbers are read")
+            raise ClipError(f"the file loads {module}.{name}; only arrays, texts and numbers are allowed")
         return super().find_class(module, name)
 
 
@@ -183,7 +183,6 @@ def _read_npy(path: Path) -> Any:
     try:
         return np.load(io.BytesIO(raw), allow_pickle=False)
     except ValueError as error:
-        # a dictionary is boxed in an array of objects, which numpy would unpickle whatever it is
         if "allow_pickle" not in str(error):
             raise ClipError(f"{path.name}: not a readable .npy file ({error})") from error
     except (EOFError, OSError) as error:

@@ -1,4 +1,4 @@
-"""Jumping on the spot and jumping jacks: ballistic flight between pushes against the floor."""
+"""Jumps on the spot and jumping jacks: ballistic flight between pushes against the floor."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES
 from rfgen_sionna.generative.motion.tracks import MotionTracks
 
 GRAVITY = 9.81
+"""[m/s²]"""
 
 
 def _airborne(tracks: MotionTracks, reach: float = 0.985) -> None:
-    """Lower the pelvis until the planted legs reach the floor, and let the feet follow where flight outruns them."""
+    """Lower the pelvis until the planted legs reach the floor."""
     sk = tracks.skeleton
     longest = reach * sk.leg_length()
     planted = tracks.contacts
@@ -41,17 +42,17 @@ def _leave_floor(
     slack: float,
     tuck: float,
 ) -> None:
-    """Append knots of the feet's height in a flight.
+    """Append knots of the feet's height during a flight.
 
-    The body leaves at full speed while the feet start from rest: the legs stretch by `slack` [m] while the feet catch
-    up, then fly along with the body, and the same backwards before the landing.
+    The feet start from rest while the body has full speed: the legs extend by `slack` [m], then the feet fly with the
+    body; reversed before landing.
 
     Args:
         times, states: knots [s] and (height [m], speed, acceleration), extended in place.
-        off, on: instants of leaving and touching the floor [s].
+        off, on: times of leaving and touching the floor [s].
         take_off, landing: vertical speeds of the body then, both positive [m/s].
         slack: [m].
-        tuck: how far the legs are drawn up in between [m].
+        tuck: height by which the legs are drawn up in between [m].
     """
     rise, fall = (min(2.0 * slack / v, 0.4 * (on - off)) for v in (take_off, landing))
     up = take_off * rise - 0.5 * GRAVITY * rise**2 - slack
@@ -71,7 +72,7 @@ def _leave_floor(
 
 
 def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """Straight up, again and again: dip with the arms back, push off, fly, land soft, stand."""
+    """Repeated jumps: dip with the arms back, push off, fly, land softly, stand."""
     t, sk = tracks.t, tracks.skeleton
     leg = sk.leg_length()
     quiet(tracks, rng, 0.7)
@@ -79,7 +80,7 @@ def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float
     height = rng.uniform(0.10, 0.24) * leg / 0.82
     depth = rng.uniform(0.14, 0.24) * leg
     take_off = np.sqrt(2.0 * GRAVITY * height)
-    # height of the pelvis over standing when the toes leave the floor, on tiptoe with bent knees, and touch it again
+    # height of the pelvis over standing as the toes leave the floor and touch it again
     leave, touch = 0.035 * leg / 0.82, 0.0
     landing = np.sqrt(2.0 * GRAVITY * (height + leave - touch))
     flight = (take_off + landing) / GRAVITY
@@ -154,7 +155,7 @@ def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float
 
 
 def _dips(times: list[float], z: list[list[float]]) -> tuple[list[float], list[float]]:
-    """Keys of how deep the body is in its dips, 0 .. 1."""
+    """Keys of the depth of the dips, 0 .. 1."""
     depth = max(-state[0] for state in z)
     return times, [max(-state[0] / depth, 0.0) for state in z]
 
@@ -206,7 +207,7 @@ def jumping_jacks(tracks: MotionTracks, rng: np.random.Generator, hand: str, spe
     spread = keys(t, place_t, place)
     feet_pitch, feet_lift = hermite(t, pitch_t, pitch), np.maximum(hermite(t, lift_t, lift), 0.0)
     tracks.contacts[:] = ~airborne[:, None]
-    # the arms are at their ends just after touch-down and never stop for long
+    # the arms reach their ends just after touch-down
     wave = 0.5 - 0.5 * np.cos(np.pi * (t - start - 0.12 * half) / half)
     for side in SIDES:
         foot = tracks.feet[side]

@@ -1,4 +1,4 @@
-"""The kinematic synthesiser: motion from rules of human movement, different for every seed."""
+"""Kinematic synthesiser: motion from rules of human movement, different for every seed."""
 
 from __future__ import annotations
 
@@ -25,8 +25,11 @@ from rfgen_sionna.generative.motion.tracks import MotionTracks
 from rfgen_sionna.records import Motion
 
 SPEED_RANGE = (0.5, 2.0)
+"""Factors on the usual speed within which the rules give natural motion."""
 MAX_DURATION = 600.0
+"""Longest motion [s]; bounds memory."""
 _DENSE_RATE = 240.0
+"""Least sample rate of the synthesis [Hz]; bounds the dependence of a motion on its frame rate."""
 
 
 def _stream(action: str, seed: int) -> np.random.Generator:
@@ -34,20 +37,20 @@ def _stream(action: str, seed: int) -> np.random.Generator:
 
 
 def _hand(rng: np.random.Generator) -> str:
-    # nine people in ten prefer the right
+    # 90 % of people are right-handed
     return "right" if rng.uniform() < 0.9 else "left"
 
 
 def preferred_hand(action: str, seed: int) -> str:
-    """The hand, "left" or "right", that :class:`KinematicSource` takes where none is named."""
+    """Hand, "left" or "right", that :class:`KinematicSource` takes for `hand=None`."""
     return _hand(_stream(action, seed))
 
 
 def check_hand(hand: str | None, action: str) -> None:
-    """Whether a gesture may be made with that hand.
+    """Check the hand of a gesture.
 
     Raises:
-        ValueError: it may not.
+        ValueError: the action does not allow that hand.
     """
     if hand is None:
         return
@@ -62,10 +65,10 @@ def check_hand(hand: str | None, action: str) -> None:
 
 @dataclass(frozen=True)
 class KinematicSource:
-    """A :class:`~rfgen_sionna.generative.motion.MotionSource` that needs no training data.
+    """A :class:`~rfgen_sionna.generative.motion.MotionSource` without training data.
 
-    Feet are planned on the floor and legs follow by inverse kinematics, flight is ballistic, hands move on
-    minimum-jerk paths; the centre of mass stays over the feet while standing.
+    Feet are planned on the floor and legs follow by inverse kinematics, flight is ballistic, hands move on minimum-jerk
+    paths; the centre of mass stays over the feet while standing.
     """
 
     frame_rate: float = 120.0
@@ -84,8 +87,8 @@ class KinematicSource:
         """Synthesise an action; see :class:`~rfgen_sionna.generative.motion.MotionSource`.
 
         Raises:
-            ValueError: unknown action; duration not in (0, 600] s; speed not in [0.5, 2]; a hand that the action is not
-                done with.
+            ValueError: unknown action; duration not in (0, 600] s; speed not in [0.5, 2]; a hand that the action does
+                not allow.
         """
         if action not in ACTIONS:
             raise ValueError(f"action: {action!r} is unknown; allowed are {', '.join(ACTIONS)}")
@@ -96,9 +99,8 @@ class KinematicSource:
         check_hand(hand, action)
         skeleton = skeleton or MEAN_ADULT
         rng = _stream(action, seed)
-        drawn = _hand(rng)  # drawn in any case, so that naming the hand that would be drawn changes nothing
+        drawn = _hand(rng)  # drawn always, so that naming the preferred hand changes nothing
         hand = drawn if hand is None else hand
-        # written more densely than it is kept, so that the motion does not depend on the frame rate
         dense = int(np.ceil(_DENSE_RATE / self.frame_rate))
         t = np.arange(int(np.ceil(duration * self.frame_rate - 1e-9)) * dense + 1) / (self.frame_rate * dense)
         tracks = MotionTracks(skeleton, t, rng.uniform(0.95, 1.35), rng.uniform(0.06, 0.2))
@@ -127,20 +129,20 @@ _ARM = ("collar", "shoulder", "elbow", "wrist")
 _HAND = tuple(f"{finger}{k}" for finger in FINGERS for k in (1, 2, 3))
 _TRUNK = ("spine1", "spine2", "spine3", "neck", "head")
 _BESIDE = 0.08
-"""Distance of each hand's joints from the plane between them, at least [m]."""
+"""Least distance of each hand's joints from the plane between the hands [m]: half a palm's width and a gap."""
 _WIDEST = 1.0
-"""The most that an arm is opened [rad]."""
+"""Largest opening angle of an arm [rad]; bounds the search."""
 
 
 def both_hands(motion: Motion, hand: str, *, still: bool = True) -> Motion:
-    """The motion with both arms in step: the other one mirrors that of `hand`.
+    """The motion with both arms in step: the other arm mirrors that of `hand`.
 
-    Both are opened at the shoulders by the least angle that keeps the hands apart.
+    Both arms open at the shoulders by the smallest angle that keeps the hands apart.
 
     Args:
-        motion: of the body's 52 joints, that of a gesture with one hand.
-        hand: that hand, "left" or "right".
-        still: whether the person stands, so that the trunk need not turn after one arm.
+        motion: one-handed gesture, 52 joints.
+        hand: its hand, "left" or "right".
+        still: whether the person stands; then the trunk is made symmetric.
     """
     local = to_matrices(motion.rotations)
     if still:
@@ -163,7 +165,7 @@ def _half(turns: FloatArray) -> FloatArray:
 
 
 def _opening(motion: Motion, local: FloatArray, hand: str) -> float:
-    """Angle about the trunk's length, positive to the left, by which the arm of `hand` has to be opened [rad]."""
+    """Opening angle of the arm of `hand` about the trunk's axis, positive to the left [rad]."""
     world = global_rotations(local, motion.parents)
     places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
     joints = [JOINT[f"{hand}_{part}"] for part in ("wrist", *_HAND)]

@@ -1,4 +1,4 @@
-"""Human joint limits, and the joint angles of a pose in the terms of anatomy."""
+"""Human joint limits, and anatomical joint angles of a pose."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _Columns = dict[str, list[FloatArray]]
 
 @dataclass(frozen=True)
 class JointLimit:
-    """Range of one angle."""
+    """Range of one joint angle."""
 
     low: float
-    """[degrees]."""
+    """[degrees]"""
     high: float
-    """[degrees]."""
+    """[degrees]"""
     source: str
 
 
@@ -63,7 +63,7 @@ LIMITS: Mapping[str, JointLimit] = MappingProxyType(
         "finger end joint flexion": JointLimit(0.0, 90.0, _AAOS),
     }
 )
-"""Angle -> its range; extension, adduction and so on are negative."""
+"""Angle -> range; opposite directions (extension, adduction) are negative."""
 
 
 def joint_angles(rotations: FloatArray) -> dict[str, FloatArray]:
@@ -73,7 +73,7 @@ def joint_angles(rotations: FloatArray) -> dict[str, FloatArray]:
         rotations: (frame, 52, 3, 3) world rotations of the joints relative to the T-pose.
 
     Returns:
-        angle -> (frame, k) [degrees], k counting sides and fingers; keys as in `LIMITS`.
+        angle -> (frame, k) [degrees], k counts sides and fingers; keys as in `LIMITS`.
     """
     out: dict[str, list[FloatArray]] = {name: [] for name in LIMITS}
 
@@ -101,7 +101,7 @@ def _leg(out: _Columns, relative: Callable[[str, str], FloatArray], side: str, s
     knee = relative(f"{side}_hip", f"{side}_knee")
     out["knee flexion"].append(_angle(knee[:, 0, 2], knee[:, 2, 2]))
     foot = relative(f"{side}_knee", f"{side}_ankle")
-    # intrinsic order: turn about the shank, then flex, then roll
+    # intrinsic order: about the shank, flexion, roll
     turn, flex, roll = np.degrees(np.moveaxis(Rotation.from_matrix(foot).as_euler("ZYX"), -1, 0))
     out["ankle dorsiflexion"].append(-flex)
     out["ankle toe-out"].append(s * turn)
@@ -115,11 +115,11 @@ def _arm(out: _Columns, relative: Callable[[str, str], FloatArray], side: str, s
     arm = s * shoulder[..., 1]
     out["shoulder extension"].append(np.degrees(np.arcsin(np.clip(-arm[:, 0], -1.0, 1.0))))
     out["shoulder cross-body adduction"].append(np.degrees(np.arcsin(np.clip(-s * arm[:, 1], -1.0, 1.0))))
-    # axial rotation: against the arm swung on the shortest way from hanging, elbow pointing back
+    # axial rotation relative to the hanging arm swung by the smallest rotation, elbow back
     swung = between(-Z, arm)
     bend = np.einsum("nji,nj->ni", swung, -shoulder[..., 0])
     rotation = s * _angle(bend[:, 1], -bend[:, 0])
-    # overhead the shortest way is not defined and neither is the angle
+    # undefined overhead
     out["shoulder external rotation"].append(np.where(arm[:, 2] < np.cos(np.radians(45.0)), rotation, 0.0))
     elbow = relative(f"{side}_shoulder", f"{side}_elbow")
     out["elbow flexion"].append(_angle(elbow[:, 0, 1] * s, elbow[:, 1, 1]))

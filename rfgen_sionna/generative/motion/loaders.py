@@ -1,4 +1,4 @@
-"""Motion from files: AMASS / SMPL / SMPL-H / SMPL-X clips."""
+"""Motion from AMASS, SMPL, SMPL-H and SMPL-X clips."""
 
 from __future__ import annotations
 
@@ -20,39 +20,38 @@ _PARTS = (
     ("root_orient", "pose_body", "pose_hand"),
     ("global_orient", "body_pose", "left_hand_pose", "right_hand_pose"),
 )
-"""What AMASS and the smplx package call the parts of `poses`: root, body, hands."""
+"""Keys of the parts of `poses` (root, body, hands) in AMASS and in the smplx package."""
 _LAYOUTS = {66: "SMPL body, 22 joints", 72: "SMPL, 24 joints", 156: "SMPL-H, 52 joints", 165: "SMPL-X, 55 joints"}
 _BODY_TO_OURS = Rotation.from_matrix(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
-"""SMPL's body at rest has x to its left, y up and faces z; ours has x forwards, y to the left, z up."""
+"""From SMPL's rest body (x left, y up, facing z) to the package's (x forwards, y left, z up)."""
 _SMPL_PELVIS = np.array([0.0, -0.23, 0.03])
-"""The pelvis joint of SMPL's mean body relative to the origin about which `trans` moves it [m, SMPL's frame],
-rounded: the model's regressor is licensed, and grounding on the body takes out what is left."""
+"""Pelvis joint of SMPL's mean body relative to the origin of `trans` [m, SMPL's frame]. Rounded, since the regressor is
+licensed; grounding removes the rest."""
 _SMPL_LEG = 0.80
 """Hip to ankle of SMPL's mean body [m], rounded."""
 
 
 class ClipError(ValueError):
-    """A motion or mesh file that cannot be used."""
+    """A motion or mesh file is unusable."""
 
 
 def load_motion(path: str | PathLike[str], *, up: str = "z", action: str = "", recentre: bool = True) -> Motion:
-    """Read an AMASS, SMPL or SMPL-H clip.
+    """Read an AMASS, SMPL, SMPL-H or SMPL-X clip.
 
-    Needs `poses` (frame, 66, 72, 156 or 165) axis-angle [rad], or (frame, joint, 3, 3) matrices; or its parts under the
-    names that AMASS (`root_orient`, `pose_body`, `pose_hand`) or the smplx package (`global_orient`, `body_pose`,
-    `left_hand_pose`, `right_hand_pose`) give them; `trans` or `transl` (frame, 3) [m]; and the frame rate under
-    `mocap_framerate`, `mocap_frame_rate` or `fps`. SMPL's two rigid hand joints and SMPL-X's jaw and eyes are left out.
-    Shape (`betas`) is not used: the body is chosen separately.
+    Keys: `poses` (frame, 66, 72, 156 or 165) axis-angle [rad] or (frame, joint, 3, 3) matrices, or its parts under the
+    names of AMASS (`root_orient`, `pose_body`, `pose_hand`) or the smplx package (`global_orient`, `body_pose`,
+    `left_hand_pose`, `right_hand_pose`); `trans` or `transl` (frame, 3) [m]; frame rate `mocap_framerate`,
+    `mocap_frame_rate` or `fps`. SMPL's two rigid hand joints, SMPL-X's jaw and eyes, and the shape (`betas`) are
+    ignored.
 
     Args:
         path: the `.npz` file.
         up: up axis of the clip's world, "z" (AMASS) or "y" (raw SMPL fits).
         action: label for the motion.
-        recentre: turn and shift the clip so that it begins over the origin facing +x; otherwise its world is kept.
+        recentre: whether to turn and shift the clip to start over the origin facing +x; otherwise its world stays.
 
     Returns:
-        the motion in our frame. SMPL's body rests facing its +z with y up, ours faces +x with z up: joint rotations are
-        conjugated by that change of axes, and the root's rotation leads on from our rest pose to the clip's world.
+        the motion in the package's frame; joint rotations are conjugated by the change of axes.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -70,11 +69,9 @@ def load_motion(path: str | PathLike[str], *, up: str = "z", action: str = "", r
     quaternions = np.empty((*vectors.shape[:2], 4))
     body = _BODY_TO_OURS * Rotation.from_rotvec(vectors.reshape(-1, 3)) * _BODY_TO_OURS.inv()
     quaternions[:] = body.as_quat().reshape(quaternions.shape)
-    # the root maps SMPL's rest body into the clip's world; ours maps our rest body into a z-up world
     world = Rotation.identity() if up == "z" else _BODY_TO_OURS
     root = world * Rotation.from_rotvec(vectors[:, 0])
     quaternions[:, 0] = (root * _BODY_TO_OURS.inv()).as_quat()
-    # the root joint turns about itself, wherever it rests in SMPL's frame
     translation = world.apply(trans + _SMPL_PELVIS)
     if recentre:
         quaternions[:, 0], translation = _recentred(quaternions[:, 0], translation)
@@ -123,7 +120,7 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray, float]:
 
 
 def _poses(name: str, data: dict[str, np.ndarray], present: tuple[str, ...]) -> FloatArray:
-    """(frame, column) axis-angles [rad], put together where the file has them in parts."""
+    """(frame, column) axis-angles [rad], joined where the file has them in parts."""
     if "poses" in data:
         parts = [data["poses"]]
     else:
@@ -155,7 +152,7 @@ def _numbers(name: str, key: str, values: np.ndarray) -> FloatArray:
 
 
 def _joint_columns(width: int) -> list[int]:
-    """Which joints of the file are ours, in our order."""
+    """Joints of the file in the package's order."""
     body = list(range(NUM_BODY_JOINTS))
     if width == 156:
         return body + list(range(22, 52))
@@ -165,7 +162,7 @@ def _joint_columns(width: int) -> list[int]:
 
 
 def _recentred(root: FloatArray, translation: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Root quaternions and positions turned and shifted so that the first frame is over the origin facing +x."""
+    """Root quaternions and positions, turned and shifted so that the first frame is over the origin facing +x."""
     forward = Rotation.from_quat(root[0]).apply([1.0, 0.0, 0.0])
     turn = Rotation.from_euler("z", -np.arctan2(forward[1], forward[0]))
     shifted = translation - [*translation[0, :2], 0.0]

@@ -1,4 +1,4 @@
-"""The one interface that every origin of motion has."""
+"""Interface of motion sources."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rfgen_sionna.records import Motion
 
 @runtime_checkable
 class MotionSource(Protocol):
-    """Turns the name of an action into a motion: kinematic, learned, or whatever else."""
+    """Source of motion by action name, kinematic or learned."""
 
     def __call__(
         self,
@@ -27,21 +27,21 @@ class MotionSource(Protocol):
 
         Args:
             action: name of the action.
-            duration: wanted length [s].
-            seed: every random choice comes from it.
-            skeleton: proportions of the person; None for a mean adult.
-            hand: "left", "right" or "both" for gestures (swipes take one hand); None leaves it to the source.
+            duration: requested length [s].
+            seed: of all random choices.
+            skeleton: proportions of the person; None takes a mean adult.
+            hand: "left", "right" or "both" for gestures (swipes take one hand); None lets the source choose.
             speed: factor on the usual speed of the action.
         """
         ...
 
 
 class PromptReading(Protocol):
-    """What a motion source makes of a sentence."""
+    """Reading of a sentence by a motion source."""
 
     @property
     def action(self) -> str:
-        """The likeliest action."""
+        """Likeliest action."""
         ...
 
     @property
@@ -51,17 +51,17 @@ class PromptReading(Protocol):
 
     @property
     def arms(self) -> str:
-        """What the arms do beside, or empty."""
+        """Action of the arms at the same time, or empty."""
         ...
 
     @property
     def known(self) -> bool:
-        """Whether the source has learned such sentences."""
+        """Whether the sentence is within the training vocabulary."""
         ...
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """Words that it has never seen."""
+        """Words outside the training vocabulary."""
         ...
 
     @property
@@ -72,20 +72,20 @@ class PromptReading(Protocol):
 
 @runtime_checkable
 class SentenceSource(MotionSource, Protocol):
-    """A motion source that reads sentences itself."""
+    """Motion source that reads sentences."""
 
     @property
     def arms(self) -> Sequence[str]:
-        """The actions that arms can do beside those of :attr:`legs`."""
+        """Arm actions that combine with those of :attr:`legs`."""
         ...
 
     @property
     def legs(self) -> Sequence[str]:
-        """The actions that leave the arms free."""
+        """Actions that leave the arms free."""
         ...
 
     def read(self, prompt: str) -> PromptReading:
-        """What it makes of a sentence."""
+        """Reading of a sentence."""
         ...
 
     def generate(
@@ -100,5 +100,6 @@ class SentenceSource(MotionSource, Protocol):
         action: str | None,
         arms: str,
     ) -> Motion:
-        """A motion from a sentence that was read as `action` and, for what arms do beside, `arms`; else as a call."""
+        """A motion from a sentence that was read as `action`, with `arms` as action of the arms; the rest as in a
+        call."""
         ...

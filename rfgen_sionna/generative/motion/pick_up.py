@@ -1,4 +1,4 @@
-"""Bending down to pick something up from the ground."""
+"""Picking something up from the ground."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rfgen_sionna.generative.motion.tracks import MotionTracks
 
 
 def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """Bend hips, knees and back, reach to the floor with one hand or both, grasp, and stand up again."""
+    """Bend hips, knees and back, reach to the floor with one hand or both, grasp, stand up again."""
     t, sk = tracks.t, tracks.skeleton
     leg = sk.leg_length()
     relaxed(tracks, rng)
@@ -27,7 +27,6 @@ def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: fl
     times, low, grip = [0.0], [0.0], [(0.0, 0.0)]
     carried = 0.0
     while times[-1] <= t[-1]:
-        # what was picked up is put down the next time
         carried = 1.0 - carried
         for step, depth in ((0.0, 0.0), (down, 1.0), (hold, 1.0), (up, 0.0)):
             clock += step
@@ -36,7 +35,7 @@ def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: fl
         grip += [(clock - up - hold, 1.0 - carried), (clock - up - 0.05, carried)]
         clock += rng.uniform(0.4, 0.9) / speed
     amount = keys(t, times, low)
-    # trunk and head start a little before the knees, as people do
+    # trunk and head start before the knees
     early = keys(t + 0.08, times, low)
     closing = keys(t, [g[0] for g in grip], [g[1] for g in grip])
     tracks.pelvis[:, 2] -= squat * amount
@@ -62,7 +61,7 @@ def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: fl
             )
             grasp.flexion += 0.25 * amount
         else:
-            # the free hand goes to the thigh
+            # free hand to the thigh
             swing = rng.uniform(0.6, 0.9)
             rest = np.array([np.sin(swing), 0.15, -np.cos(swing)])
             arm.direction += amount[:, None] * (rest - arm.direction)
@@ -75,12 +74,12 @@ def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: fl
 
 
 def _thumb_less() -> np.ndarray:
-    """(5, 1) the thumb closes less than the fingers."""
+    """(5, 1) closing of thumb and fingers."""
     return np.array([1.0, 1.0, 1.0, 1.0, 0.45])[:, None]
 
 
 def _reach_down(tracks: MotionTracks) -> None:
-    """Bend the trunk a little more where the hand would not get down to its target."""
+    """Bend the trunk further where a hand does not reach its target."""
     for _ in range(3):
         _, p = tracks.solve()
         short = 0.0
@@ -99,7 +98,7 @@ def _reach_down(tracks: MotionTracks) -> None:
 
 
 def _spare_hips(tracks: MotionTracks, amount: FloatArray, most: float = 115.0) -> None:
-    """Tip the pelvis less where the hips would fold more than `most` [degrees]."""
+    """Tilt the pelvis less where the hips would bend more than `most` [degrees]."""
     for _ in range(3):
         rotations, _ = tracks.solve()
         excess = float(np.max(joint_angles(rotations)["hip flexion"])) - most
@@ -110,7 +109,7 @@ def _spare_hips(tracks: MotionTracks, amount: FloatArray, most: float = 115.0) -
 
 
 def _above_ground(tracks: MotionTracks, clearance: float = 0.02) -> None:
-    """Lift the wrists' targets until the fingertips stay over the ground."""
+    """Lift the wrists' targets until the fingertips are above the ground."""
     for _ in range(3):
         _, p = tracks.solve()
         for side in SIDES:
@@ -120,6 +119,6 @@ def _above_ground(tracks: MotionTracks, clearance: float = 0.02) -> None:
             lowest = np.inf
             for finger in FINGERS:
                 middle, last = (p[:, JOINT[f"{side}_{finger}{k}"]] for k in (2, 3))
-                # the last bone is about as long as the one before it
+                # fingertip: the last bone is about as long as the one before
                 lowest = min(lowest, float(np.min(np.minimum(last, 2.0 * last - middle)[:, 2])))
             arm.target[:, 2] += max(clearance - lowest, 0.0)

@@ -12,9 +12,9 @@ from rfgen_sionna.generative.motion.tracks import ARM_POLE, MotionTracks
 
 
 def quiet(tracks: MotionTracks, rng: np.random.Generator, amount: float = 1.0) -> None:
-    """Postural sway, breathing and the small movements of someone who stands still.
+    """Postural sway, breathing and small movements of a standing person.
 
-    Sway of the trunk by about 5 mm rms (quiet stance) and 12 to 18 breaths a minute.
+    Sway of the trunk by about 5 mm rms (quiet stance), and 12 to 18 breaths a minute.
     """
     t = tracks.t
     tracks.sway[:, 0] += amount * wander(t, rng, 0.004)
@@ -38,7 +38,7 @@ def quiet(tracks: MotionTracks, rng: np.random.Generator, amount: float = 1.0) -
 
 
 def relaxed(tracks: MotionTracks, rng: np.random.Generator) -> None:
-    """Personal manner: how wide the arms hang and how far the elbows bend."""
+    """Personal manner: angle of the arms to the side, bend of the elbows."""
     wide, bent, ahead = rng.uniform(0.08, 0.2), rng.uniform(0.15, 0.4), rng.uniform(-0.03, 0.08)
     for side in SIDES:
         tracks.arms[side].direction[:, 1] = wide + rng.uniform(-0.02, 0.02)
@@ -47,13 +47,13 @@ def relaxed(tracks: MotionTracks, rng: np.random.Generator) -> None:
 
 
 def stand_up_straight(tracks: MotionTracks) -> None:
-    """Finish a standing score: weight over the feet, legs within reach."""
+    """Finish standing tracks: weight over the feet, legs within reach."""
     over_feet(tracks)
     fit_height(tracks)
 
 
 def standing(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """Quiet standing, now and then with the weight shifted from one leg to the other."""
+    """Quiet standing with shifts of weight between the legs."""
     relaxed(tracks, rng)
     quiet(tracks, rng, rng.uniform(0.8, 1.4))
     shift = np.clip(wander(tracks.t, rng, rng.uniform(0.0, 0.08), 0.05, 0.2 * speed), -0.25, 0.25)
@@ -62,7 +62,7 @@ def standing(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: f
 
 
 def lift_arm(tracks: MotionTracks, side: str, direction: FloatArray, elbow: float, amount: FloatArray) -> None:
-    """Turn an arm from hanging (`amount` 0) to `direction` (3,) (`amount` 1, (n,)), on the short way round."""
+    """Turn an arm from hanging (`amount` 0) to `direction` (3,) (`amount` 1, (n,)) by the smallest rotation."""
     arm = tracks.arms[side]
     start = arm.direction / np.linalg.norm(arm.direction, axis=-1, keepdims=True)
     goal = direction / np.linalg.norm(direction)
@@ -103,11 +103,10 @@ def y_pose(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: flo
 def hold_envelope(
     t: FloatArray, rng: np.random.Generator, speed: float, rise: tuple[float, float], shift: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
-    """A limb goes up in `rise` [s], is held for some seconds, comes down, and goes up again.
+    """Repeated raise of a limb: up in `rise` [s], held for some seconds, down.
 
     Returns:
-        (n,) how far it is up, 0 .. 1, and (n,) how far the weight has gone over to the other side, 0 .. 1: it goes in
-        `shift` [s] before the limb moves and comes back after.
+        (n,) height, 0 .. 1, and (n,) weight on the other side, 0 .. 1; the weight shifts `shift` [s] before the limb.
     """
     up, shift = rng.uniform(*rise) / speed, shift / speed
     times, lifted, weight = [0.0], [0.0], [0.0]
@@ -144,12 +143,12 @@ def _arm_raised(tracks: MotionTracks, rng: np.random.Generator, side: str, speed
 
 
 def left_arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The left arm goes up and stays up."""
+    """The left arm rises and stays up."""
     _arm_raised(tracks, rng, "left", speed)
 
 
 def right_arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The right arm goes up and stays up."""
+    """The right arm rises and stays up."""
     _arm_raised(tracks, rng, "right", speed)
 
 
@@ -180,10 +179,10 @@ def _leg_raised(tracks: MotionTracks, rng: np.random.Generator, side: str, speed
 
 
 def left_leg_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The left leg is lifted forwards and held, balancing on the right."""
+    """The left leg is lifted forwards and held, with balance on the right."""
     _leg_raised(tracks, rng, "left", speed)
 
 
 def right_leg_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The right leg is lifted forwards and held, balancing on the left."""
+    """The right leg is lifted forwards and held, with balance on the left."""
     _leg_raised(tracks, rng, "right", speed)

@@ -1,4 +1,4 @@
-"""Rotations as arrays: (..., 3, 3) matrices inside, unit quaternions (x, y, z, w) at the boundary."""
+"""Rotations as arrays: (..., 3, 3) matrices, and unit quaternions (x, y, z, w) in records."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ def about(axis: FloatArray, angle: FloatArray | float) -> FloatArray:
 
 
 def normalised(v: FloatArray) -> FloatArray:
-    """`v` (..., 3) at unit length."""
+    """Unit vectors of `v` (..., 3)."""
     return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
 def perpendicular(v: FloatArray, u: FloatArray) -> FloatArray:
-    """Unit vector of `v` (..., 3) without its part along the unit vector `u` (..., 3)."""
+    """Unit vector of the part of `v` (..., 3) perpendicular to the unit vector `u` (..., 3)."""
     return normalised(v - np.sum(v * u, axis=-1, keepdims=True) * u)
 
 
 def basis(u: FloatArray, m: FloatArray) -> FloatArray:
-    """(..., 3, 3) right-handed frame with columns u, m (made perpendicular to u) and u x m."""
+    """(..., 3, 3) right-handed frame with columns u, m (made perpendicular to u) and u × m."""
     u = normalised(u)
     m = perpendicular(m, u)
     return np.stack([u, m, np.cross(u, m)], axis=-1)
 
 
 def between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(..., 3, 3) smallest rotation that takes unit vector `a` to unit vector `b` (not opposite)."""
+    """(..., 3, 3) smallest rotation from unit vector `a` to unit vector `b` (not opposite)."""
     a, b = np.broadcast_arrays(a, b)
     v = np.cross(a, b)
     c = np.sum(a * b, axis=-1)[..., None, None]
@@ -52,13 +52,13 @@ def transpose(r: FloatArray) -> FloatArray:
 
 
 def to_quaternions(r: FloatArray) -> FloatArray:
-    """(..., 4) unit quaternions (x, y, z, w) of (frame, ..., 3, 3) rotations, of continuous sign along axis 0."""
+    """(..., 4) unit quaternions (x, y, z, w) of (frame, ..., 3, 3) rotations; signs are continuous along axis 0."""
     q = Rotation.from_matrix(r.reshape(-1, 3, 3)).as_quat().reshape(*r.shape[:-2], 4)
     return continuous(q)
 
 
 def continuous(q: FloatArray) -> FloatArray:
-    """Quaternions (frame, ..., 4) with the sign chosen that stays nearest to the frame before."""
+    """Quaternions (frame, ..., 4) with signs that are continuous along axis 0."""
     if len(q) < 2:
         return q
     flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, -1.0, 1.0)
@@ -67,7 +67,7 @@ def continuous(q: FloatArray) -> FloatArray:
 
 
 def to_matrices(q: FloatArray) -> FloatArray:
-    """(..., 3, 3) rotations of (..., 4) quaternions (x, y, z, w), which need not have unit length."""
+    """(..., 3, 3) rotations of (..., 4) quaternions (x, y, z, w) of any length."""
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
     x, y, z, w = np.moveaxis(q, -1, 0)
     return np.stack(
@@ -87,6 +87,6 @@ def to_matrices(q: FloatArray) -> FloatArray:
 
 
 def twist_angle(r: FloatArray, axis: FloatArray) -> FloatArray:
-    """(...) angle [rad] of the part of the rotations `r` (..., 3, 3) about the fixed unit vector `axis` (3,)."""
+    """(...) angle [rad] of rotations `r` (..., 3, 3) about the fixed unit vector `axis` (3,)."""
     q = Rotation.from_matrix(r.reshape(-1, 3, 3)).as_quat().reshape(*r.shape[:-2], 4)
     return 2.0 * np.arctan2(q[..., :3] @ axis * np.sign(q[..., 3] + 1e-300), np.abs(q[..., 3]))

@@ -1,7 +1,7 @@
-"""The joint tree: SMPL-H's 22 body and 30 finger joints, named and ordered as there, in our frame.
+"""Joint tree of SMPL-H (22 body and 30 finger joints), forward kinematics, two-bone inverse kinematics, mean adult.
 
-Rest pose: T-pose facing +x, left side at +y, z up, palms down, elbows ready to bend forward, feet flat and
-parallel. Only the order and the parents are SMPL-H's (Romero et al. 2017); the lengths are our own.
+Rest pose: T-pose facing +x, left side at +y, z up, palms down, elbows ready to bend forward, feet flat and parallel.
+Order and parents are SMPL-H's (Romero et al. 2017); the lengths are the package's own.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ _BODY = (
 FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 SIDES = ("left", "right")
 HANDS = (*SIDES, "both")
-"""What gestures are made with."""
+"""Hands that a gesture may use."""
 PLANTED_BELOW = 0.3
-"""Height over the floor beyond which no foot of an adult is planted, whatever is said of it [m]."""
+"""Height of a foot over the floor above which it is never planted [m]; bounds wrong contact labels."""
 
 _TREE = _BODY + tuple(
     (f"{side}_{finger}{k}", f"{side}_wrist" if k == 1 else f"{side}_{finger}{k - 1}")
@@ -58,7 +58,7 @@ NUM_BODY_JOINTS = len(_BODY)
 
 
 def side_sign(side: str) -> int:
-    """+1 for left, -1 for right (the sign of y)."""
+    """+1 for left, −1 for right: the sign of y."""
     return {"left": 1, "right": -1}[side]
 
 
@@ -67,15 +67,15 @@ class Skeleton:
     """Bone lengths of one person in the T-pose."""
 
     offsets: FloatArray
-    """(52, 3) rest position of each joint relative to its parent [m]; the pelvis' own row is zero."""
+    """(52, 3) rest position of each joint relative to its parent [m]; zero for the pelvis."""
     ankle_height: float
     """Height of the ankle joints over the sole [m]."""
     heel: FloatArray
-    """(2, 3) point of the left and the right heel on which the foot rolls at touch-down, from the ankle [m]."""
+    """(2, 3) roll points of the left and right heel at touch-down, from the ankle [m]."""
     toe_height: float
     """Height of the toe joints over the sole [m]."""
     arm_slope: float = 0.08
-    """How far a hanging arm must lead outwards to clear trunk and thighs: sideways over down."""
+    """Least slope of a hanging arm, sideways over down, that clears trunk and thighs."""
     joint_names: tuple[str, ...] = field(default=JOINT_NAMES)
     parents: tuple[int, ...] = field(default=PARENTS)
 
@@ -88,7 +88,7 @@ class Skeleton:
         return 0.5 * sum(self.length(f"{s}_knee") + self.length(f"{s}_ankle") for s in SIDES)
 
     def standing_height(self) -> float:
-        """Height of the pelvis joint over the floor when the legs are straight and vertical [m]."""
+        """Height of the pelvis joint over the floor with straight, vertical legs [m]."""
         drop = sum(self.offsets[JOINT[f"{s}_{j}"], 2] for s in SIDES for j in ("hip", "knee", "ankle"))
         return float(self.ankle_height - 0.5 * drop)
 
@@ -101,7 +101,7 @@ class Skeleton:
         return positions
 
     def scaled(self, factor: float) -> Skeleton:
-        """The same proportions, `factor` times the size."""
+        """Skeleton of the same proportions, `factor` times the size."""
         return Skeleton(
             self.offsets * factor,
             self.ankle_height * factor,
@@ -143,7 +143,7 @@ def global_rotations(local: FloatArray, parents: tuple[int, ...]) -> FloatArray:
 
 
 def soft_limit(distance: FloatArray, longest: float, margin: float = 0.01) -> FloatArray:
-    """`distance` kept under `longest` by a smooth knee that starts `margin` (relative) before it."""
+    """`distance` kept below `longest` by a smooth knee that starts `margin` (relative) before it."""
     start = longest * (1.0 - margin)
     over = np.maximum(distance - start, 0.0) / (longest - start)
     return np.where(distance <= start, distance, start + (longest - start) * np.tanh(over))
@@ -155,13 +155,13 @@ def two_bone(
     """Middle joint and bone frames of a limb that reaches from `start` towards `target`.
 
     Args:
-        start, target: (n, 3) positions [m]; a target out of reach is approached as far as 99.9 % of the length.
-        pole: (n, 3) direction towards which the middle joint bends.
+        start, target: (n, 3) positions [m]; the limb reaches to 99.9 % of its length at most.
+        pole: (n, 3) direction in which the middle joint bends.
         first, second: bone lengths [m].
 
     Returns:
-        (n, 3) middle joint position [m] and the (n, 3, 3) frames of the two bones: columns along the bone, towards
-        the bend, and their cross product (the hinge).
+        (n, 3) middle joint position [m], and two (n, 3, 3) frames of the bones. Columns: along the bone, towards the
+        bend, hinge (their cross product).
     """
     reach = target - start
     distance = np.linalg.norm(reach, axis=-1)
@@ -182,7 +182,7 @@ def two_bone(
 
 
 def from_rest(frames: FloatArray, u0: FloatArray, m0: FloatArray) -> FloatArray:
-    """(n, 3, 3) rotations that take a bone from its rest direction `u0` and bend direction `m0` to `frames`."""
+    """(n, 3, 3) rotations of a bone from its rest direction `u0` and bend direction `m0` to `frames`."""
     return frames @ transpose(basis(u0, m0))
 
 
@@ -231,4 +231,4 @@ def _mean_adult() -> Skeleton:
 
 
 MEAN_ADULT = _mean_adult()
-"""A mean adult of 1.70 m."""
+"""A mean adult, 1.70 m tall."""

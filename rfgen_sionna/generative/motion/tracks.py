@@ -1,4 +1,4 @@
-"""What an action writes down (pelvis, trunk, feet, arms, fingers over time), and the joints that follow from it."""
+"""Tracks of an action (pelvis, trunk, feet, arms, fingers over time), and the joints that follow from them."""
 
 from __future__ import annotations
 
@@ -22,18 +22,17 @@ from rfgen_sionna.generative.motion.skeleton import (
 )
 
 ARM_POLE = np.array([-1.0, 0.35, -0.6])
-"""Where elbows point by default (left arm): back, a little out and down, which suits a hanging, lifted or
-stretched-out arm alike and is never along the arm there."""
+"""Default direction of the left elbow: back, slightly out and down; never along a hanging, lifted or stretched arm."""
 GESTURE_POLE = np.array([-0.35, 0.6, -1.0])
-"""Where the elbow points while the hand works in front of the chest (left arm)."""
+"""Direction of the left elbow while the hand works in front of the chest."""
 
 
 @dataclass
 class Foot:
-    """One foot: a place on the floor, and how the foot rolls over it."""
+    """One foot: place on the floor and roll."""
 
     place: FloatArray
-    """(n, 2) floor position under the ankle if the foot were flat [m]."""
+    """(n, 2) floor position under the ankle of the flat foot [m]."""
     yaw: FloatArray
     """(n,) heading [rad]."""
     pitch: FloatArray
@@ -43,7 +42,7 @@ class Foot:
     heel: FloatArray
     """(n,) pivot of the roll: 0 the toe joint, 1 the heel."""
     loose: FloatArray
-    """(n,) 0 the toes lie level, 1 they go along with the foot."""
+    """(n,) 0 for level toes, 1 for toes that turn with the foot."""
 
 
 @dataclass
@@ -55,9 +54,9 @@ class Arm:
     elbow: FloatArray
     """(n,) flexion [rad]."""
     pole: FloatArray
-    """(n, 3) where the elbow points."""
+    """(n, 3) direction of the elbow."""
     target: FloatArray | None = None
-    """(n, 3) wrist position in the world [m]; replaces `direction` and `elbow` by the weight `target_weight`."""
+    """(n, 3) wrist position in the world [m]; replaces `direction` and `elbow` with weight `target_weight`."""
     target_weight: FloatArray | None = None
     """(n,) 0 .. 1."""
 
@@ -67,7 +66,7 @@ class Hand:
     """Wrist and fingers of one hand, in radians."""
 
     pronation: FloatArray
-    """(n,) palm inwards at 0, down (forearm forward) at positive angles."""
+    """(n,) 0 for the palm inwards, positive towards down (forearm forward)."""
     flexion: FloatArray
     """(n,) towards the palm positive."""
     deviation: FloatArray
@@ -79,7 +78,7 @@ class Hand:
 
 
 class MotionTracks:
-    """Everything an action may set, preset to quiet standing.
+    """Tracks of all body parts, preset to quiet standing.
 
     Args:
         skeleton: the person's bone lengths.
@@ -107,7 +106,6 @@ class MotionTracks:
         """Sway of the centre of mass over the feet [m]."""
         self.contacts = np.ones((n, 2), bool)
         hip = abs(skeleton.offsets[JOINT["left_hip"], 1])
-        # the ankle's fore-aft place under a straight, vertical leg
         rest = skeleton.rest_positions()
         self.feet: dict[str, Foot] = {}
         self.arms: dict[str, Arm] = {}
@@ -179,7 +177,7 @@ class MotionTracks:
         place(f"{side}_hip")
         target, foot, toes = self.foot_frames(side)
         u = normalised(np.einsum("nji,nj->ni", g[:, 0], target - p[:, hip]))
-        # the knee faces the way the hip swings it, turned halfway with the foot
+        # the knee follows the hip's swing, turned partly with the foot
         heading = np.arctan2(np.sin(self.feet[side].yaw - self.yaw), np.cos(self.feet[side].yaw - self.yaw))
         twist = 0.6 * heading + side_sign(side) * self.knee_out[:, i]
         forward = about(Z, twist)[..., 0]
@@ -201,7 +199,7 @@ class MotionTracks:
         direction = normalised(clear_of_body(arm.direction, sk.arm_slope) * mirror)
         pole = arm.pole * mirror
         place(f"{side}_collar")
-        # scapular rhythm: the collar lifts with the arm beyond the horizontal and follows it forwards
+        # scapular rhythm: the collar follows an arm above the horizontal, and forwards
         raised = np.arccos(np.clip(-direction[:, 2], -1.0, 1.0))
         lift = 0.25 * np.logaddexp(0.0, 4.0 * (raised - 1.1)) / 4.0 + self.shrug[:, i]
         forward = 0.15 * direction[:, 0] * np.sin(raised) ** 2
@@ -241,7 +239,7 @@ class MotionTracks:
 
 
 def clear_of_body(direction: FloatArray, slope: float) -> FloatArray:
-    """Arm directions (n, 3), y outwards, of which those that hang lead outwards by at least `slope`."""
+    """Arm directions (n, 3), y outwards; hanging ones lead outwards by at least `slope`."""
     u = normalised(direction)
     hanging = ease((-u[:, 2] - 0.7) / 0.25)
     wanted = -slope * u[:, 2]
@@ -251,7 +249,7 @@ def clear_of_body(direction: FloatArray, slope: float) -> FloatArray:
 
 
 def thumb_axis(skeleton: Skeleton, side: str) -> FloatArray:
-    """(3,) axis about which the thumb closes over the palm, T-pose frame."""
+    """(3,) axis of the thumb's flexion over the palm, T-pose frame."""
     tip = skeleton.offsets[JOINT[f"{side}_thumb3"]]
     across = np.array([-0.3, side_sign(side) * 0.5, -0.8])
     return normalised(np.cross(tip, across))

@@ -1,4 +1,4 @@
-"""Walking: back and forth with a turn on the spot, step by step, at each end, or straight ahead."""
+"""Walking: back and forth with a stepped turn at each end, or straight ahead."""
 
 from __future__ import annotations
 
@@ -15,21 +15,22 @@ from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, side_sign
 from rfgen_sionna.generative.motion.tracks import MotionTracks
 
 STANCE = 0.62
-"""Share of the cycle that a foot stays on the floor (Perry and Burnfield, Gait Analysis, 2nd ed. 2010)."""
+"""Share of the gait cycle with the foot on the floor (Perry and Burnfield, Gait Analysis, 2nd ed. 2010)."""
 WALK_RATIO = 0.0065
 """Step length over cadence [m/(steps/min)], near constant in adults (Sekiya et al. 1996)."""
 BACK = 0.8
-"""How long the way back is seen at least [s], where the motion is long enough for it."""
+"""Least duration of the way back [s] in a motion that is long enough."""
 SHORTEST_AHEAD = 0.45
-"""How much of the way there a short motion shows at least [s]."""
+"""Least duration of the way there in a short motion [s]."""
 QUICKEST_TURN = 1.5
-"""Shortest half turn, in gait cycles: three steps, as healthy adults need at their own pace."""
+"""Shortest half turn [gait cycles]: three steps, as for healthy adults at their own pace."""
 _MARGIN = 2.5
+"""Extension of a path before and after the motion [s]: more than the longest gait cycle."""
 
 
 @dataclass(frozen=True)
 class WalkPath:
-    """Where the body walks, densely sampled."""
+    """Densely sampled path of the body."""
 
     t: FloatArray
     """(m,) [s]."""
@@ -48,9 +49,9 @@ class WalkPath:
 def back_and_forth(
     end: float, speed: float, length: float, turn_time: float, sense: int, start: float, slow: float = 0.12
 ) -> WalkPath:
-    """Straight stretches of about `length` [m] with half turns (`sense` +1 to the left) of `turn_time` [s] between.
+    """Straight lines of `length` [m] with half turns (`sense` +1 to the left) of `turn_time` [s] between.
 
-    At time 0 the person has walked for `start` [s] on a stretch towards +x.
+    Time 0 is `start` [s] after the beginning of a line towards +x.
     """
     slowing = 0.3
     straight = length / speed
@@ -66,7 +67,7 @@ def back_and_forth(
         speeds += [1.0, slow, slow, 1.0]
     order = np.argsort(times, kind="stable")
     pace = speed * keys(t + start, np.asarray(times)[order].tolist(), np.asarray(speeds)[order])
-    # whole turns before time 0 leave the heading at a multiple of pi: begin towards +x
+    # begin towards +x
     heading -= heading[np.searchsorted(t, -start)] if start < _MARGIN else heading[0]
     x = cumulative_trapezoid(pace * np.cos(heading), t, initial=0.0)
     y = cumulative_trapezoid(pace * np.sin(heading), t, initial=0.0)
@@ -77,14 +78,14 @@ def back_and_forth(
 
 
 def straight(end: float, speed: float) -> WalkPath:
-    """Along +x at constant speed, half of the way before x = 0 and half after."""
+    """Path along +x at constant speed, through x = 0 at half time."""
     t = np.arange(-_MARGIN, end + _MARGIN, 1.0 / 480.0)
     still = np.zeros_like(t)
     return WalkPath(t, speed * (t - 0.5 * end), still, still, np.full_like(t, speed))
 
 
 def _pace(tracks: MotionTracks, rng: np.random.Generator, speed: float) -> tuple[float, float]:
-    """A person's speed [m/s] and step length [m], by the length of the legs."""
+    """A person's speed [m/s] and step length [m], from the leg length."""
     size = tracks.skeleton.leg_length() / 0.82
     pace = rng.uniform(0.85, 1.35) * speed * np.sqrt(size)
     # v = step * cadence and step = ratio * cadence * 60
@@ -92,7 +93,7 @@ def _pace(tracks: MotionTracks, rng: np.random.Generator, speed: float) -> tuple
 
 
 def walk(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """Back and forth on 1 to 1.6 m, towards the facing direction first; shorter where time is short."""
+    """Back and forth over 1 to 1.6 m, forwards first; shorter in short motions."""
     end = float(tracks.t[-1])
     pace, step = _pace(tracks, rng, speed)
     period = 2.0 * step / pace
@@ -100,7 +101,7 @@ def walk(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float
     turn_time = rng.uniform(2.1, 2.5) * period
     sense = 1 if rng.uniform() < 0.5 else -1
     ahead = length / pace * (1.0 - rng.uniform(0.0, 0.5))
-    # What a short motion leaves of the way there, and then of the turn, is what the way back needs to be seen.
+    # short motions: shorten the way there, then the turn, to leave time for the way back
     missing = ahead + turn_time + BACK - end
     if missing > 0.0:
         ahead = max(ahead - missing, min(ahead, SHORTEST_AHEAD))
@@ -110,13 +111,13 @@ def walk(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float
 
 
 def walk_straight(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """Straight ahead, all the time, as far as the time allows."""
+    """Straight ahead for the whole duration."""
     pace, step = _pace(tracks, rng, speed)
     _gait(tracks, rng, straight(float(tracks.t[-1]), pace), pace, step)
 
 
 def _gait(tracks: MotionTracks, rng: np.random.Generator, path: WalkPath, pace: float, step: float) -> None:
-    """Write the whole body's movements on a path."""
+    """Write the whole body's gait on a path."""
     t = tracks.t
     period = 2.0 * step / pace
     begin = rng.uniform(-period, 0.0)
@@ -162,7 +163,7 @@ def _feet(
     step: float,
     rng: np.random.Generator,
 ) -> None:
-    """Write one foot: planted where the body passes over it, rolling from heel to toe, swinging between."""
+    """Write one foot: planted as the body passes over, rolling from heel to toe, swinging between."""
     t, sk, s, i = tracks.t, tracks.skeleton, side_sign(side), SIDES.index(side)
     foot = tracks.feet[side]
     width = rng.uniform(0.5, 0.75) * abs(sk.offsets[JOINT["left_hip"], 1])
@@ -172,7 +173,7 @@ def _feet(
     first = int(np.floor((t[0] - contact) / period)) - 1
     count = int(np.ceil((t[-1] - contact) / period)) + 2 - first
     lands = contact + period * (first + np.arange(count + 1))
-    # the body passes over the foot a quarter of a cycle after touch-down: half a step before, half a step after
+    # the body passes over the foot a quarter of a cycle after touch-down
     x, y, heading = path.at(np.asarray(lands + 0.26 * period, np.float64))
     places = np.stack(
         [
@@ -208,6 +209,6 @@ def _feet(
     foot.place = places[k] + moved * (places[k + 1] - places[k])
     foot.yaw = yaws[k] + ease(swing) * (yaws[k + 1] - yaws[k])
     foot.lift = clearance * bump(swing) * (0.7 + 0.3 * reach[k])
-    # the pivot passes to the heel in the air, where the foot is level, and back to the toes while it is flat
+    # the pivot changes to the heel in the air and back to the toes on the flat foot
     foot.heel = np.where(share < STANCE, 1.0 - ease((share - 0.12) / 0.18), ease((swing - 0.45) / 0.35))
     tracks.contacts[:, i] = share <= STANCE

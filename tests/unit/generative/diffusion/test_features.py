@@ -22,9 +22,10 @@ from rfgen_sionna.generative.diffusion.features import (
     joint_positions,
     mirrored,
     recentred,
+    runs,
     turned,
 )
-from rfgen_sionna.generative.diffusion.foot_lock import lock_feet, root_from_feet, runs
+from rfgen_sionna.generative.diffusion.foot_lock import lock_feet, root_from_feet
 from rfgen_sionna.generative.diffusion.postprocessing import clamp_joint_angles
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
