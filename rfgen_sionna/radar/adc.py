@@ -9,13 +9,18 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Adc:
-    """Word length and range of the converters, one for I and one for Q of each receiver."""
+    """Word length and range of the converters for I and Q of each receiver.
+
+    Raises
+    ------
+    ValueError
+        A field is out of range.
+    """
 
     bits: int = 16
-    """Bits of one word, sign included."""
+    """Bits of one word, sign included, 2 … 24."""
     full_scale_dbm: float | None = None
-    """Power at the receiver input of a complex tone whose I and Q just fill the converter [dBm];
-    None: set from the signal (automatic)."""
+    """Input power of a complex tone that fills the converter [dBm], -150 … 60; None adapts it to the signal."""
 
     def __post_init__(self) -> None:
         if isinstance(self.bits, bool) or not isinstance(self.bits, int) or not 2 <= self.bits <= 24:

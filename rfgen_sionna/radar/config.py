@@ -17,20 +17,24 @@ _ZERO_OR: dict[str, tuple[float, float]] = {
     "adc.full_scale_dbm": (0.2, 150.0),
     "pattern.peak_gain_dbi": (0.1, 60.0),
 }
-"""Allowed magnitudes; nobody's radar has 0.012 dBm or 0.29 K, but 12e-3 and 290e-3 are soon written."""
+"""Allowed magnitudes besides 0: a value with a wrong unit prefix falls outside."""
 _FREQUENCY = (1e9, 1e12)
+"""Allowed frequencies [Hz]: microwaves to submillimetre waves."""
 _LEAST_SPAN, _LEAST_DEPTH, _MOST_DEPTH = 1.0, 0.3, 200.0
+"""Allowed least span of angles [degrees] and depths of patterns [dB]: radians and factors fall outside."""
 _SLOT_PHASE = (0.4, 360.0)
+"""Allowed magnitudes of slot phases [degrees]: most radians fall outside."""
 
 
 class RadarConfigError(ValueError):
-    """A radar file says something that no radar can do, or in words the format does not know."""
+    """A radar file has an unknown key, a wrong type, or a value that no radar can have."""
 
 
 def check_plausible(
     where: str, key: str, value: float, low: float, high: float, also: str = "", signed: bool = True
 ) -> None:
-    """Raise unless `value` has a magnitude in `low` … `high`; `also` names other values that are allowed."""
+    """Raise :class:`RadarConfigError` unless the magnitude of `value` is in `low` … `high`; `also` names other allowed
+    values."""
     if not low <= (abs(value) if signed else value) <= high:
         raise RadarConfigError(
             f"{where}.{key} is {value:g}; {also}{low:g} … {high:g} is allowed (is it off by a prefix?)"
@@ -38,12 +42,12 @@ def check_plausible(
 
 
 def check_units(table: Mapping[str, Any], where: str) -> None:
-    """The numbers of a radar file that no other check holds to a range; `table` has the right keys and types.
+    """Check magnitudes in a radar file of correct keys and types.
 
     Raises
     ------
     RadarConfigError
-        Naming the key, its value and what is allowed.
+        A value is out of range.
     """
     for dotted, (low, high) in _ZERO_OR.items():
         section, _, key = dotted.partition(".")
@@ -61,7 +65,7 @@ def check_units(table: Mapping[str, Any], where: str) -> None:
 
 
 def check_cut(where: str, cut: str, angles: Any, levels: Any) -> None:
-    """Angles that span some degrees, and levels that are all alike or differ by what patterns do [dB]."""
+    """Check the span of a cut's angles [degrees] and the depth of its levels [dB]."""
     if len(angles):
         check_plausible(where, f"{cut}_deg", max(map(abs, angles)), _LEAST_SPAN, 180.0, "as the largest angle, ")
     if depth := max(levels, default=0.0) - min(levels, default=0.0):
@@ -86,7 +90,7 @@ CHIRP: dict[str, tuple[type, ...]] = {
     "adc_start_time_s": _NUMBER,
     "ramp_end_time_s": _NUMBER,
 }
-"""Keys of a kind of chirp: of a preset, or of its profiles where it has several."""
+"""Keys of a chirp: of a preset, or of each of its profiles."""
 
 _SCHEMA: dict[str, dict[str, tuple[type, ...]]] = {
     "": {
@@ -154,8 +158,7 @@ _OPTIONAL: dict[str, set[str]] = {
     "preset": {*CHIRP, "tx_order", "multiplexing", "bpm_code", "doppler_bands", "profile", "slot", "max_range_m"},
     "slot": {"profile", "phase_deg", "advance_deg"},
 }
-"""Keys that a section may leave out; which of them it must have is checked section by section."""
-
+"""Keys that a section may leave out, subject to the checks of that section."""
 
 _ITEMS: dict[str, tuple[type, ...]] = {
     "tx_names": (str,),
@@ -170,7 +173,7 @@ _ITEMS: dict[str, tuple[type, ...]] = {
     "slot": (dict,),
     "tx": (str,),
 }
-"""Types of list entries; lists that are not named here hold numbers."""
+"""Types of list entries; other lists hold numbers."""
 
 
 def _check_value(value: Any, wanted: tuple[type, ...], what: str) -> None:
@@ -207,7 +210,7 @@ def read_config(path: Path) -> dict[str, Any]:
     Raises
     ------
     RadarConfigError
-        With the file, the key, what was found and what is allowed.
+        The message names file, key, value and allowed values.
     """
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -241,7 +244,6 @@ def check_config(table: dict[str, Any], where: str) -> None:
             "lower one first, are needed"
         )
     check_units(table, where)
-    # A number without a source is a number nobody can check.
     sourced = set(table["source"])
     for key, text in table["source"].items():
         if not isinstance(text, str) or not text.strip():
@@ -263,7 +265,7 @@ def check_config(table: dict[str, Any], where: str) -> None:
 
 
 def _check_preset(preset: dict[str, Any], section: str, where: str) -> None:
-    """Keys of a preset: one kind of chirp or several, the Tx elements in turn or slot by slot."""
+    """Check a preset: one chirp or several profiles, Tx elements in turn or slot by slot."""
     _check(preset, section, where)
     for kind in ("profile", "slot"):
         for index, entry in enumerate(preset.get(kind, ())):
@@ -281,7 +283,7 @@ def _check_preset(preset: dict[str, Any], section: str, where: str) -> None:
         )
     scheme = preset.get("multiplexing", "tdm")
     if "slot" in preset and "multiplexing" in preset:
-        raise RadarConfigError(f"{where}: '{section}.multiplexing' does not go with slots, which say it themselves")
+        raise RadarConfigError(f"{where}: '{section}.multiplexing' does not go with slots; leave it out")
     if scheme not in ("tdm", "bpm", "ddm"):
         raise RadarConfigError(f"{where}: '{section}.multiplexing' is '{scheme}'; 'tdm', 'bpm' or 'ddm' is needed")
     for key, needed in (("bpm_code", "bpm"), ("doppler_bands", "ddm")):
@@ -290,7 +292,7 @@ def _check_preset(preset: dict[str, Any], section: str, where: str) -> None:
 
 
 def _check_array(array: dict[str, Any], where: str) -> None:
-    """Positions in one unit and the wavelength that they are counted in; polarisation of both ends."""
+    """Check that positions have one unit with its wavelength, and both ends a polarisation."""
     for known in _POSITIONS.values():
         given = [key for key in known if key in array]
         if len(given) != 1:
@@ -310,7 +312,7 @@ def _check_array(array: dict[str, Any], where: str) -> None:
 
 
 def _check_pattern(pattern: dict[str, Any], where: str) -> None:
-    """The keys that go with the kind of pattern."""
+    """Check the keys of the kind of pattern."""
     kind = pattern.get("kind", "cuts")
     needed, optional = {"cuts": (_CUTS, ()), "table": (("file",), ("peak_gain_dbi",))}.get(kind, ((), ()))
     if not (needed or kind.startswith("sionna:")):
@@ -324,29 +326,29 @@ def _check_pattern(pattern: dict[str, Any], where: str) -> None:
 
 
 def overridden(table: dict[str, Any], overrides: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """The table with other values under dotted keys, checked again.
+    """A checked copy of the table with other values under dotted keys.
 
     Parameters
     ----------
     overrides
-        Key as in the file ("receiver.noise_figure_db", "preset.mmmesh.num_loops") to value. "pattern" with a table of
-        its own replaces the whole section; None takes a key out, as "array.polarization" must be for two of its own.
+        Dotted key ("receiver.noise_figure_db", "preset.mmmesh.num_loops") to value. A table as a value replaces the
+        whole section; None removes a key.
 
     Raises
     ------
     RadarConfigError
-        If the key is none of the file format, or the value does not suit it.
+        A key is unknown, or a value does not suit it.
     TypeError
-        If `overrides` is no mapping.
+        `overrides` is no mapping.
     """
     if not isinstance(overrides, Mapping):
         raise TypeError(f"overrides is {overrides!r}: a table of keys and values is needed, {{'adc.bits': 12}}")
     changed = copy.deepcopy(table)
     for dotted, value in overrides.items():
         *sections, last = str(dotted).split(".")
-        inner = changed
+        inner: Any = changed
         for name in sections:
-            inner = inner.get(name)  # type: ignore[assignment]
+            inner = inner.get(name)
             if not isinstance(inner, dict):
                 raise RadarConfigError(f"{where}: overrides has the unknown key '{dotted}': there is no table '{name}'")
         inner.pop(last, None)

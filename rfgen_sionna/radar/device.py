@@ -1,4 +1,4 @@
-"""From a checked radar file to the arguments of a radar: units, the preset's elements, the size of the arrays."""
+"""From a checked radar file to the arguments of a radar: waveform of the preset, elements, pattern, units."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.resources import available, resolve
 
 _LEAST_PITCH, _LARGEST_ARRAY = 0.05, 250.0
-"""Allowed distances between two elements of one end [wavelengths]: least and largest."""
+"""Allowed distances between elements of one end [wavelengths]: a wrong unit prefix falls outside."""
 
 
 def radar_file(radar: str | os.PathLike[str]) -> Path:
-    """The file of a shipped radar by its name, or of one's own by its path.
+    """Path of a radar file, from the name of a shipped radar or a path ending in `.toml`.
 
     Raises
     ------
     RadarConfigError
-        If it is neither.
+        No such radar or file.
     """
     if not isinstance(radar, (str, os.PathLike)) or not str(radar):
         raise RadarConfigError(
@@ -49,7 +49,7 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
     Raises
     ------
     RadarConfigError, ValueError
-        If the preset does not exist, or says what the device cannot do.
+        The preset does not exist, or exceeds the device.
     """
     preset = config["default_preset"] if preset is None else preset
     if not isinstance(preset, str) or preset not in config["preset"]:
@@ -82,7 +82,7 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
 
 
 def _positions(array: dict[str, Any], element: str, frequency: float, where: str) -> FloatArray:
-    """(element, 3) [m] from whichever unit the file counts in; `frequency` [Hz] tells what size arrays have."""
+    """(element, 3) positions [m] from the file's unit; `frequency` [Hz] bounds their size."""
     key = f"{element}_positions_m"
     if key in array:
         positions, unit = array[key], 1.0
@@ -98,7 +98,6 @@ def _positions(array: dict[str, Any], element: str, frequency: float, where: str
     metres = unit * np.array(positions, dtype=np.float64).reshape(-1, 3)
     gaps = np.linalg.norm(metres[:, None] - metres, axis=-1)
     wavelength = SPEED_OF_LIGHT / frequency
-    # Elements at one and the same place are named by the radar itself.
     nearest = gaps[gaps > 0].min(initial=np.inf) / wavelength
     if nearest < _LEAST_PITCH or gaps.max(initial=0.0) / wavelength > _LARGEST_ARRAY:
         raise RadarConfigError(
@@ -110,7 +109,7 @@ def _positions(array: dict[str, Any], element: str, frequency: float, where: str
 
 
 def _pattern(pattern: dict[str, Any], folder: Path, frequency: float) -> Pattern:
-    """Element pattern of a checked section; files are looked for beside the radar's own."""
+    """Element pattern of a checked section; `folder` is that of the radar's file."""
     kind = pattern.get("kind", "cuts")
     if kind == "table":
         peak = pattern.get("peak_gain_dbi")
@@ -145,22 +144,24 @@ _PLAUSIBLE = {
     "adc_start_time_s": (1e-7, 1.0),
     "ramp_end_time_s": (1e-6, 1.0),
 }
-"""Ranges that every FMCW radar keeps to; a prefix forgotten falls out of them. Idle and start time may also be 0."""
+"""Allowed ranges of FMCW radars: a wrong unit prefix falls outside. Idle and start time may also be 0."""
 _FRAME_PERIOD = (1e-5, 2.0)
+"""Allowed frame periods [s]: milliseconds fall outside."""
 _RANGE_LIMIT = (1.0, 800.0)
+"""Allowed range limits [m]: kilometres and millimetres fall outside."""
 _LEAST_SHARE = {"ADC window of the ramp": 0.01, "sampled bandwidth of the start frequency": 1e-4}
-"""Shares that no radar falls below by choice, but any does with a unit prefix too many."""
+"""Least shares of any FMCW radar: a wrong unit prefix falls below."""
 
 
 def preset_waveform(
     preset: Mapping[str, Any], transmitter: Mapping[str, Any], names: Sequence[str], where: str
 ) -> tuple[Waveform, list[str]]:
-    """The waveform of a preset and the names of the Tx elements that it fires, in the order of `names`.
+    """Waveform of a preset, and names of its Tx elements in the order of `names`.
 
     Raises
     ------
     RadarConfigError, ValueError
-        If the device cannot do it, naming the key, the value and what is allowed.
+        The preset exceeds the device; the message names key, value and allowed values.
     """
     chirps = list(preset.get("profile", ())) or [preset]
     for index, chirp in enumerate(chirps):
@@ -245,7 +246,7 @@ def _slot(slot: Mapping[str, Any], fired: Sequence[str], profiles: int, where: s
 
 
 def _check_chirp(chirp: Mapping[str, Any], num_samples: int, transmitter: Mapping[str, Any], where: str) -> None:
-    """Band and plausible units of one kind of chirp."""
+    """Check band and magnitudes of one chirp."""
     for key, (low, high) in _PLAUSIBLE.items():
         value, also = chirp[key], ""
         if key in ("idle_time_s", "adc_start_time_s"):

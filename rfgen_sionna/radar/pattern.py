@@ -1,4 +1,4 @@
-"""Gain of one antenna element against direction."""
+"""Element patterns: gain over direction from two cuts, and names of Sionna's registry."""
 
 from __future__ import annotations
 
@@ -21,8 +21,13 @@ PREFIX = "sionna:"
 class ElementPattern:
     """Power gain from an azimuth and an elevation cut, added in dB (separable model).
 
-    Directions are in the device frame: azimuth `atan2(y, x)` grows to the left, elevation `asin(z)` upwards.
-    Between tabulated angles the cut is a shape-preserving cubic (no overshoot); outside them it keeps the end value.
+    Device frame: azimuth `atan2(y, x)` grows to the left, elevation `asin(z)` upwards. A cut is a shape-preserving
+    cubic (PCHIP) between its angles and constant outside them.
+
+    Raises
+    ------
+    ValueError
+        A cut is not ascending within ±180 or ±90 degrees, or a level is out of range.
     """
 
     peak_gain_dbi: float
@@ -57,8 +62,8 @@ class ElementPattern:
 
     @property
     def cubics(self) -> list[tuple[FloatArray, FloatArray]]:
-        """Cuts over azimuth and elevation: (angle,) ends of the pieces [degrees], and (4, piece) coefficients of the
-        level [dB] as a cubic of the angle from the start of a piece, the highest power first."""
+        """Per cut, (angle,) ends of the pieces [degrees] and (4, piece) coefficients of the level [dB] as a cubic of
+        the angle from a piece's start, highest power first."""
         return [(np.asarray(cut.x), np.asarray(cut.c)) for cut in self._cuts]
 
     @cached_property
@@ -66,8 +71,8 @@ class ElementPattern:
         return self._cuts[0].derivative(), self._cuts[1].derivative()
 
     def slope_db(self, direction: FloatArray) -> FloatArray:
-        """(..., 3) by how much the gain [dB] rises per radian by which unit vectors `direction` (..., 3) turn, device
-        frame: across them, the way it rises most. Towards the poles it is left small."""
+        """(..., 3) gradient of the gain [dB/rad] transverse to unit vectors `direction` (..., 3), device frame; small
+        near the poles."""
         x, y, z = np.ascontiguousarray(np.moveaxis(direction, -1, 0), np.float64)
         level = np.sqrt(np.maximum(x * x + y * y, 1e-6))
         angles = np.degrees(np.arctan2(y, x)), np.degrees(np.arcsin(np.clip(z, -1.0, 1.0)))
@@ -95,7 +100,7 @@ class ElementPattern:
 
 @dataclass(frozen=True)
 class NamedPattern:
-    """A pattern of Sionna's registry by its name; :func:`rfgen_sionna.scene.tabulated` looks it up."""
+    """Name of a pattern of Sionna's registry; :func:`rfgen_sionna.scene.tabulated` replaces it by a table."""
 
     name: str
     """For instance "sionna:tr38901"."""
@@ -109,16 +114,10 @@ class NamedPattern:
         raise self._unknown()
 
     def gain_db(self, direction: FloatArray) -> FloatArray:
-        """Not known before the pattern has been looked up: ValueError."""
+        """Raises ValueError: a name has no values."""
         raise self._unknown()
 
-    def slope_db(self, direction: FloatArray) -> FloatArray:
-        """Not known before the pattern has been looked up: ValueError."""
-        raise self._unknown()
-
-    def amplitude(self, direction: FloatArray) -> FloatArray:
-        """Not known before the pattern has been looked up: ValueError."""
-        raise self._unknown()
+    slope_db = amplitude = gain_db
 
     def _unknown(self) -> ValueError:
         return ValueError(
@@ -131,7 +130,7 @@ Pattern = ElementPattern | TablePattern | NamedPattern
 
 
 def pattern_record(pattern: Pattern) -> dict[str, Any]:
-    """The pattern as JSON-able values; a table that a name stands for is only named."""
+    """Record of a pattern for JSON; the table of a registered pattern is stored by its name."""
     if isinstance(pattern, NamedPattern) or (isinstance(pattern, TablePattern) and pattern.name):
         return {"kind": pattern.name}
     kind = "table" if isinstance(pattern, TablePattern) else "cuts"
@@ -140,7 +139,7 @@ def pattern_record(pattern: Pattern) -> dict[str, Any]:
 
 
 def pattern_from_record(record: dict[str, Any], keys: Callable[[Any, Iterable[str]], dict[str, Any]]) -> Pattern:
-    """Inverse of :func:`pattern_record`; `keys` checks a table against the names it may have. No kind means cuts."""
+    """Inverse of :func:`pattern_record`; `keys` checks the keys of a record. A record without a kind has cuts."""
     record = dict(record) if isinstance(record, Mapping) else record
     kind = record.pop("kind", "cuts") if isinstance(record, dict) else "cuts"
     if isinstance(kind, str) and kind.startswith(PREFIX):

@@ -1,4 +1,4 @@
-"""Positions, orientations and polarisations in the device frame: boresight +x, z up, y to the left."""
+"""Poses, trajectories and polarisations of radars. Device frame: boresight +x, y to the left, z up."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ POLARIZATIONS: dict[str, Vector] = {
     "+45": (0.0, float(np.sqrt(0.5)), float(np.sqrt(0.5))),
     "-45": (0.0, -float(np.sqrt(0.5)), float(np.sqrt(0.5))),
 }
-"""Direction of the element's electric field at boresight, device frame."""
+"""Direction of an element's electric field at boresight, device frame."""
 
 
 def rotation_matrix(orientation: ArrayLike) -> FloatArray:
@@ -38,7 +38,13 @@ def rotation_matrix(orientation: ArrayLike) -> FloatArray:
 
 
 def vector(name: str, value: Any) -> Vector:
-    """Three finite numbers, or an error that names `radar.<name>` and the value."""
+    """Three finite numbers.
+
+    Raises
+    ------
+    ValueError
+        `value` is anything else; the message names `radar.<name>`.
+    """
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -49,7 +55,13 @@ def vector(name: str, value: Any) -> Vector:
 
 
 def look_at_angles(position: Vector, target: Vector) -> Vector:
-    """Yaw, pitch and no roll [rad] of a device at `position` whose boresight hits `target` [m, world]."""
+    """Yaw, pitch and zero roll [rad] of a device at `position` with its boresight through `target` (world) [m].
+
+    Raises
+    ------
+    ValueError
+        Both points coincide.
+    """
     x, y, z = np.subtract(target, position)
     if np.hypot(np.hypot(x, y), z) < 1e-9:
         raise ValueError(f"radar.look_at is the radar's own position {position}: choose another point")
@@ -58,17 +70,22 @@ def look_at_angles(position: Vector, target: Vector) -> Vector:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A twice continuously differentiable curve through places and, if given, orientations.
+    """A C² curve through positions and, if given, orientations, for storage in files.
 
-    Before the first and after the last time the position goes straight on and the orientation stays.
+    Outside its times the position continues straight on and the orientation is constant.
+
+    Raises
+    ------
+    ValueError
+        Times are not ascending, or a field has the wrong shape.
     """
 
     times: tuple[float, ...]
-    """Ascending, at least two [s]."""
+    """At least two ascending times [s]."""
     positions: tuple[Vector, ...]
     """World positions at `times` [m]."""
     orientations: tuple[Vector, ...] | None = None
-    """Yaw, pitch, roll at `times` [rad]; None keeps the orientation that the radar has."""
+    """Yaw, pitch, roll at `times` [rad]; None keeps the radar's orientation."""
 
     def __post_init__(self) -> None:
         times = np.asarray(self.times, dtype=np.float64)
@@ -108,7 +125,7 @@ class Trajectory:
         return tuple(position.tolist()), (yaw, pitch, roll)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Record for JSON."""
         turned = self.orientations
         return {
             "times": list(self.times),

@@ -1,4 +1,4 @@
-"""One kind of chirp: the ramp, and when the ADC samples it."""
+"""Profile of a chirp: the ramp and its ADC window."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 
 
 def is_number(value: Any) -> bool:
-    """Whether `value` is a finite real number, True and False left out."""
+    """Whether `value` is a finite real number and no bool."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         return False
     try:
         return math.isfinite(value)
-    except OverflowError:  # a whole number that no float holds
+    except OverflowError:  # an integer above float64
         return False
 
 
 @dataclass(frozen=True)
 class Profile:
-    """`idle_time` of silence, then a ramp of `ramp_end_time`; times of the ADC count from the start of the ramp."""
+    """A chirp: `idle_time` of silence, then a ramp of `ramp_end_time`. ADC times count from the start of the ramp."""
 
     start_frequency: float
     """Frequency at the start of the ramp [Hz]."""
@@ -39,7 +39,13 @@ class Profile:
     """[s]"""
 
     def check(self, num_samples: int, what: str) -> None:
-        """Raise unless this can be, with `num_samples` samples; `what` names the profile in errors."""
+        """Check the fields for `num_samples` samples; `what` names the profile in errors.
+
+        Raises
+        ------
+        ValueError
+            A field is out of range, or the ADC window exceeds the ramp.
+        """
         for name in ("start_frequency", "sample_rate", "ramp_end_time"):
             value = getattr(self, name)
             if not (is_number(value) and value > 0):
@@ -80,10 +86,10 @@ class Profile:
         return min(first, last), max(first, last)
 
     def sample_times(self, num_samples: int) -> FloatArray:
-        """(sample,) after the start of the ramp [s]."""
+        """(sample,) times after the start of the ramp [s]."""
         return self.adc_start_time + np.arange(num_samples) / self.sample_rate
 
     @property
     def range_window(self) -> float:
-        """Range whose beat frequency equals the complex sample rate [m]; infinite where the frequency is constant."""
+        """Range whose beat frequency equals the complex sample rate [m]; infinite without a slope."""
         return self.sample_rate * SPEED_OF_LIGHT / (2 * abs(self.slope)) if self.slope else float("inf")

@@ -1,10 +1,10 @@
-"""A monostatic MIMO FMCW radar and its pose."""
+"""A monostatic MIMO FMCW radar: elements, waveform, noise, pose."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -22,14 +22,19 @@ from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.resources import available, resolve
 
 _LARGEST_OFFSET = 10.0
-"""Largest distance of an element from the centre [m]."""
+"""Largest distance of an element from the centre [m]; millimetres fall outside."""
 
 
 @dataclass(frozen=True, eq=False)
 class Radar:
     """Element positions, waveform, power, noise and pose of one radar.
 
-    Device frame: boresight +x, z up, y to the left. Only the Tx elements that the preset fires are listed.
+    Device frame: boresight +x, y to the left, z up. The Tx elements are those that the preset fires.
+
+    Raises
+    ------
+    ValueError
+        A field is out of range, or fields do not fit each other; the message names field, value and allowed values.
     """
 
     name: str
@@ -55,9 +60,9 @@ class Radar:
     """Yaw, pitch, roll [rad]."""
     adc: Adc = field(default_factory=Adc)
     trajectory: Callable[[float], Any] | None = None
-    """Function of the time [s] that returns the position [m], or a pair of position and orientation [rad]; `position`
-    and `orientation` are then those at t = 0. It must be smooth (C²): steps in it are steps in the phase. A
-    :class:`~rfgen_sionna.radar.pose.Trajectory` can be stored in a file, a function cannot."""
+    """Function of the time [s] that returns the position [m], or a pair (position, orientation [rad]); `position` and
+    `orientation` become those at t = 0. It must be smooth (C²): its steps are steps of the phase. Files store
+    :class:`~rfgen_sionna.radar.pose.Trajectory` only."""
 
     def __post_init__(self) -> None:
         for end in ("tx", "rx"):
@@ -69,12 +74,11 @@ class Radar:
         for name in ("tx_polarization", "rx_polarization"):
             if getattr(self, name) not in POLARIZATIONS:
                 raise ValueError(f"radar.{name} is {getattr(self, name)!r}; allowed: {', '.join(POLARIZATIONS)}")
-        if not (np.isfinite(self.tx_power_dbm) and -60 <= self.tx_power_dbm <= 80):
-            raise ValueError(f"radar.tx_power_dbm is {self.tx_power_dbm!r}: a value in -60 … 80 dBm is needed")
-        if not (np.isfinite(self.noise_figure_db) and 0 <= self.noise_figure_db <= 60):
-            raise ValueError(f"radar.noise_figure_db is {self.noise_figure_db!r}: a value in 0 … 60 dB is needed")
-        if not (np.isfinite(self.temperature) and 0 <= self.temperature <= 2000):
-            raise ValueError(f"radar.temperature is {self.temperature!r}: a value in 0 … 2000 K is needed")
+        limits = {"tx_power_dbm": (-60, 80, "dBm"), "noise_figure_db": (0, 60, "dB"), "temperature": (0, 2000, "K")}
+        for name, (low, high, unit) in limits.items():
+            value = getattr(self, name)
+            if not (np.isfinite(value) and low <= value <= high):
+                raise ValueError(f"radar.{name} is {value!r}: a value in {low} … {high} {unit} is needed")
         object.__setattr__(self, "position", vector("position", self.position))
         object.__setattr__(self, "orientation", vector("orientation", self.orientation))
         if self.trajectory is not None:
@@ -84,11 +88,9 @@ class Radar:
             object.__setattr__(self, "position", position)
             object.__setattr__(self, "orientation", orientation)
 
-    # -- making one ---------------------------------------------------------------------------------------
-
     @classmethod
     def available(cls) -> dict[str, tuple[str, ...]]:
-        """Names of the radars that ship with the package, each with its presets."""
+        """Names of the shipped radars, each with its presets."""
         return {name: tuple(read_config(resolve("radars", name))["preset"]) for name in available("radars")}
 
     @classmethod
@@ -103,30 +105,29 @@ class Radar:
         trajectory: Callable[[float], Any] | None = None,
         overrides: Mapping[str, Any] | None = None,
     ) -> Radar:
-        """Read a radar from `radars/<name>.toml` or from a TOML file of your own.
+        """Read a radar from a TOML file.
 
         Parameters
         ----------
         radar
-            Name of a shipped radar, or the path of a TOML file in the same format.
+            Name of a shipped radar, or path of a TOML file in the same format.
         preset
-            Name of a configuration in that file; its `default_preset` if None.
+            Name of a configuration in the file; None takes its `default_preset`.
         position, orientation
             World position [m]; yaw, pitch, roll [rad] in Sionna's convention.
         look_at
-            World point [m] that the boresight shall hit; replaces `orientation`, without roll.
+            World point on the boresight [m]; replaces `orientation`, without roll.
         trajectory
-            Motion of the radar, see :attr:`trajectory`; replaces `position` and, where it gives them, orientations.
+            Motion (:attr:`trajectory`); replaces `position` and any orientation that it returns.
         overrides
-            Values to take instead of the file's, under its dotted keys: `{"receiver.noise_figure_db": 12.0,
-            "pattern": {"kind": "sionna:tr38901"}}`. They are checked as the file is.
+            Values in place of the file's, under dotted keys: `{"receiver.noise_figure_db": 12.0}`; None overrides none.
 
         Raises
         ------
         RadarConfigError, ValueError
-            Naming the key, the value and what is allowed.
+            The message names key, value and allowed values.
         TypeError
-            If `overrides` is no mapping.
+            `overrides` is no mapping.
         """
         path = radar_file(radar)
         config = read_config(path)
@@ -148,7 +149,13 @@ class Radar:
         orientation: Vector | None = None,
         look_at: Vector | None = None,
     ) -> Radar:
-        """The same radar elsewhere; `look_at` [m] replaces `orientation`, without roll; not for one that moves."""
+        """A copy at another pose [m, rad]; None keeps a value, `look_at` [m] replaces `orientation`, without roll.
+
+        Raises
+        ------
+        ValueError
+            The radar has a trajectory.
+        """
         if self.trajectory is not None:
             if position is None and orientation is None and look_at is None:
                 return self
@@ -169,17 +176,15 @@ class Radar:
         return vector("trajectory: position", position), vector("trajectory: orientation", orientation)
 
     def at(self, t: float) -> Radar:
-        """The radar at rest where it is at time `t` [s]."""
+        """The radar at rest at its pose of time `t` [s]."""
         if self.trajectory is None:
             return self
         position, orientation = self.pose(t)
         return replace(self, position=position, orientation=orientation, trajectory=None)
 
-    # -- derived ------------------------------------------------------------------------------------------
-
     @property
     def rotation(self) -> FloatArray:
-        """(3, 3) device to world."""
+        """(3, 3) rotation from the device to the world frame."""
         return rotation_matrix(self.orientation)
 
     @property
@@ -204,7 +209,7 @@ class Radar:
 
     @property
     def virtual_positions(self) -> FloatArray:
-        """(tx, rx, 3) sum of Tx and Rx position [m], device frame: phase is k times its projection on the direction."""
+        """(tx, rx, 3) sums of Tx and Rx positions [m], device frame; the phase is k times their projection."""
         return self.tx_positions[:, None, :] + self.rx_positions[None, :, :]
 
     @property
@@ -214,34 +219,32 @@ class Radar:
 
     @property
     def wavelength(self) -> float:
-        """At `center_frequency` [m]."""
+        """Wavelength at `center_frequency` [m]."""
         return self.waveform.wavelength
 
     @property
     def range_resolution(self) -> float:
-        """[m]"""
+        """Range resolution [m]."""
         return self.waveform.range_resolution
 
     @property
     def max_range(self) -> float:
-        """[m]"""
+        """Largest range [m]."""
         return self.waveform.max_range
 
     @property
     def velocity_resolution(self) -> float:
-        """[m/s]"""
+        """Velocity resolution [m/s]."""
         return self.waveform.velocity_resolution
 
     @property
     def max_velocity(self) -> float:
-        """[m/s]"""
+        """Largest unambiguous radial speed [m/s]."""
         return self.waveform.max_velocity
-
-    # -- the cube -----------------------------------------------------------------------------------------
 
     @property
     def axis_names(self) -> tuple[str, ...]:
-        """Names of the entries of the cube's axis "tx": those of the Tx elements, or what each slot radiates."""
+        """Names along the cube's axis "tx": Tx elements, or the elements of each slot."""
         wave = self.waveform
         if not wave.slots or wave.separated:
             return self.tx_names
@@ -249,12 +252,18 @@ class Radar:
 
     @property
     def frame_shape(self) -> tuple[int, int, int, int]:
-        """(chirp, tx, rx, sample) of a frame; "tx" counts slots where several Tx elements fire at once."""
+        """(chirp, tx, rx, sample) of a frame; "tx" counts slots if several Tx elements fire at once."""
         wave = self.waveform
         return wave.num_loops, len(wave.axis_slots), len(self.rx_positions), wave.num_samples
 
     def of_profile(self, number: int) -> Radar:
-        """The radar as the chirps of one profile alone see it: their slots at their times, their Tx elements."""
+        """The radar of one profile's chirps: their slots, times and Tx elements.
+
+        Raises
+        ------
+        ValueError
+            There is no such profile.
+        """
         wave = self.waveform.of_profile(number)
         if wave is self.waveform:
             return self
@@ -266,34 +275,21 @@ class Radar:
             tx_positions=self.tx_positions[list(used)],
         )
 
-    # -- storage ------------------------------------------------------------------------------------------
-
     def to_dict(self) -> dict[str, Any]:
-        """Everything that makes up the radar, in SI units, ready for JSON.
+        """Record of the radar in SI units, for JSON.
 
         Raises
         ------
         ValueError
-            If the radar moves by a function: only a :class:`Trajectory` can be written down.
+            The trajectory is a function: files store :class:`Trajectory` only.
         """
-        record = {
-            "name": self.name,
-            "preset": self.preset,
-            "waveform": waveform_record(self.waveform),
-            "tx_names": list(self.tx_names),
-            "rx_names": list(self.rx_names),
-            "tx_positions": self.tx_positions.tolist(),
-            "rx_positions": self.rx_positions.tolist(),
-            "pattern": pattern_record(self.pattern),
-            "tx_polarization": self.tx_polarization,
-            "rx_polarization": self.rx_polarization,
-            "tx_power_dbm": self.tx_power_dbm,
-            "noise_figure_db": self.noise_figure_db,
-            "temperature": self.temperature,
-            "position": list(self.position),
-            "orientation": list(self.orientation),
-            "adc": {"bits": self.adc.bits, "full_scale_dbm": self.adc.full_scale_dbm},
-        }
+        record = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "trajectory"}
+        for name in ("tx_names", "rx_names", "position", "orientation"):
+            record[name] = list(record[name])
+        for name in ("tx_positions", "rx_positions"):
+            record[name] = record[name].tolist()
+        record |= {"waveform": waveform_record(self.waveform), "pattern": pattern_record(self.pattern)}
+        record["adc"] = asdict(self.adc)
         if self.trajectory is None:
             return record
         if not isinstance(self.trajectory, Trajectory):
@@ -319,13 +315,7 @@ class Radar:
 
 
 def _checked_elements(end: str, positions: ArrayLike, names: Sequence[str]) -> FloatArray:
-    """A read-only copy of the positions (element, 3) [m] of the "tx" or "rx" elements, each with a name of its own.
-
-    Raises
-    ------
-    ValueError
-        Naming the field, its value and what is allowed.
-    """
+    """Read-only copy of the positions (element, 3) [m] of the named "tx" or "rx" elements."""
     field = f"radar.{end}_positions"
     array = np.array(positions, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0 or not np.all(np.isfinite(array)):

@@ -1,4 +1,4 @@
-"""Radars as JSON-able records, and back."""
+"""Radars as records for JSON, and back."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from rfgen_sionna.radar.slots import Slot
 from rfgen_sionna.radar.waveform import Waveform
 
 _OPTIONAL = ("position", "orientation", "adc", "trajectory")
-"""Keys that records may lack; those of older runs do."""
+"""Keys that records of older runs lack."""
 
 
 def _keys(what: str, record: Any, known: Iterable[str], optional: Iterable[str] = ()) -> dict[str, Any]:
-    """`record` as a dictionary, or an error that names the key it should not have, or lacks."""
+    """`record` as a dictionary; ValueError with the name of an unknown or a missing key."""
     if not isinstance(record, Mapping):
         raise ValueError(f"{what} is {record!r}: a table with the keys {', '.join(known)} is needed")
     if unknown := set(record) - set(known):
@@ -30,7 +30,7 @@ def _keys(what: str, record: Any, known: Iterable[str], optional: Iterable[str] 
 
 
 def waveform_record(waveform: Waveform) -> dict[str, Any]:
-    """Record of a waveform, without the fields that have their default."""
+    """Record of a waveform, without the fields at their defaults."""
     record: dict[str, Any] = {}
     for item in fields(Waveform):
         value = getattr(waveform, item.name)
@@ -68,8 +68,8 @@ def waveform_from_record(record: Any) -> Waveform:
 
 
 def fields_from_record(record: Any, known: tuple[str, ...]) -> dict[str, Any]:
-    """Arguments of a radar from its record; `known` are their names."""
-    if isinstance(record, Mapping) and "polarization" in record:  # older runs have one for both ends
+    """Arguments of a radar, with the names `known`, from its record."""
+    if isinstance(record, Mapping) and "polarization" in record:  # older runs: one for both ends
         record = dict(record)
         record["tx_polarization"] = record["rx_polarization"] = record.pop("polarization")
     record = _keys("radar record", record, known, optional=_OPTIONAL)

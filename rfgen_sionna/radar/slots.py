@@ -1,4 +1,4 @@
-"""Tx elements in the slots of a loop: one at a time (TDM), coded (BPM), in Doppler bands (DDM), as a beam."""
+"""Slots of a loop: Tx elements in turn (TDM), coded (BPM), in Doppler bands (DDM), as a beam."""
 
 from __future__ import annotations
 
@@ -11,20 +11,27 @@ from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.profile import is_number
 
 _MOST_TX = 256
+"""Largest number of Tx elements; above that of any cascade."""
 
 
 @dataclass(frozen=True)
 class Slot:
-    """One ramp of a loop: which Tx elements are on, at which phase, with which profile."""
+    """One ramp of a loop: active Tx elements, their phases, profile.
+
+    Raises
+    ------
+    ValueError
+        A field is out of range.
+    """
 
     phases_deg: tuple[float | None, ...]
-    """(tx,) phase of what each Tx element radiates in the first loop [degrees]; None where it is off. The mixer
-    conjugates: in the samples the phase appears with the opposite sign."""
+    """(tx,) radiated phase in the first loop [degrees]; None turns an element off. The mixer conjugates: the samples
+    have the opposite phase."""
     profile: int = 0
-    """Index of the profile of the ramp."""
+    """Index of the ramp's profile."""
     advance_deg: tuple[float, ...] = ()
-    """(tx,) by how much the phase of each Tx grows from loop to loop [degrees]; empty is not at all. An advance of
-    360 / n puts the Tx's echoes an n-th of the Doppler spectrum further down."""
+    """(tx,) phase advance per loop [degrees]; empty for none. 360 / n shifts the echoes down by an n-th of the Doppler
+    spectrum."""
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.phases_deg) <= _MOST_TX:
@@ -52,36 +59,36 @@ class Slot:
 
     @property
     def on(self) -> tuple[int, ...]:
-        """Indices of the Tx elements that radiate."""
+        """Indices of the active Tx elements."""
         return tuple(index for index, phase in enumerate(self.phases_deg) if phase is not None)
 
     def only(self, tx: Sequence[int]) -> Slot:
-        """The same slot of a radar that has but these Tx elements, as its profile 0."""
+        """The slot with a subset of the Tx elements, as profile 0."""
         advance = tuple(self.advance_deg[index] for index in tx) if self.advance_deg else ()
         return Slot(tuple(self.phases_deg[index] for index in tx), 0, advance)
 
     def phases(self, loops: int, step_deg: float = 0.0) -> FloatArray:
-        """(loop, tx) phases [degrees], to the nearest multiple of `step_deg`; nan where a Tx is off."""
+        """(loop, tx) phases [degrees] in multiples of `step_deg` (0: exact); NaN for inactive elements."""
         start = np.array([np.nan if phase is None else phase for phase in self.phases_deg])
         phase = start + np.arange(loops)[:, None] * np.array(self.advance_deg or (0.0,) * len(start))
         return np.rint(phase / step_deg) * step_deg if step_deg else phase
 
     def weights(self, loops: int, step_deg: float = 0.0) -> ComplexArray:
-        """(loop, tx) factors of magnitude 1, 0 where a Tx is off; one row serves all loops where nothing advances."""
+        """(loop, tx) factors of magnitude 1, 0 for inactive elements; one row without an advance."""
         phase = np.mod(self.phases(loops if self.advance_deg else 1, step_deg), 360.0)
-        # Quarters of a turn exactly, so that codes of ±1 are.
+        # Exact quarter turns, for exact codes of ±1.
         turn = np.exp(1j * np.radians(phase))
         turn = np.where(phase % 90 == 0, np.rint(turn.real) + 1j * np.rint(turn.imag), turn)
         return np.where(np.isnan(phase), 0.0, turn)
 
 
 def single(tx: int, count: int, profile: int = 0) -> Slot:
-    """The slot in which Tx element `tx` of `count` fires alone."""
+    """Slot of Tx element `tx` of `count` alone."""
     return Slot(tuple(0.0 if index == tx else None for index in range(count)), profile)
 
 
 def hadamard_code(count: int) -> FloatArray:
-    """(slot, tx) code of ±1 for `count` Tx elements: columns of the smallest Sylvester matrix that has them."""
+    """(slot, tx) code of ±1 for `count` Tx elements: columns of the smallest Sylvester matrix."""
     from scipy.linalg import hadamard
 
     order = 1 << max(0, int(count - 1).bit_length())
@@ -89,12 +96,12 @@ def hadamard_code(count: int) -> FloatArray:
 
 
 def coded_slots(code: FloatArray, members: Sequence[int], count: int, profile: int = 0) -> tuple[Slot, ...]:
-    """BPM: Tx elements `members` of `count` fire together, with the signs of `code` (slot, member).
+    """BPM: Tx elements `members` of `count` fire at once, with the signs of `code` (slot, member).
 
     Raises
     ------
     ValueError
-        If there are other entries than 1 and -1, or the code does not tell the elements apart.
+        The code has other entries than 1 and -1, or dependent columns.
     """
     code = np.asarray(code, dtype=np.float64)
     if code.ndim != 2 or code.shape[1] != len(members) or not np.all(np.abs(code) == 1):
@@ -103,8 +110,8 @@ def coded_slots(code: FloatArray, members: Sequence[int], count: int, profile: i
         )
     if np.linalg.matrix_rank(code) < len(members):
         raise ValueError(
-            f"bpm_code is {code.tolist()}: its columns are not independent, so that the {len(members)} Tx cannot be "
-            f"told apart; at least {len(members)} slots are needed, for instance {hadamard_code(len(members)).tolist()}"
+            f"bpm_code is {code.tolist()}: its columns are not independent; at least {len(members)} slots are needed, "
+            f"for instance {hadamard_code(len(members)).tolist()}"
         )
     slots = []
     for row in code:
@@ -116,12 +123,12 @@ def coded_slots(code: FloatArray, members: Sequence[int], count: int, profile: i
 
 
 def doppler_slot(bands: int, members: Sequence[int], count: int, profile: int = 0) -> Slot:
-    """DDM: Tx elements `members` of `count` fire together, the k-th shifted down by k of `bands` Doppler bands.
+    """DDM: Tx elements `members` of `count` fire at once, the k-th shifted down by k of `bands` Doppler bands.
 
     Raises
     ------
     ValueError
-        If there are fewer bands than elements.
+        There are fewer bands than elements.
     """
     if isinstance(bands, bool) or not isinstance(bands, int) or not len(members) <= bands <= 64:
         raise ValueError(f"doppler_bands is {bands!r}: a whole number in {len(members)} … 64 is needed, one per Tx")
@@ -135,13 +142,12 @@ def doppler_slot(bands: int, members: Sequence[int], count: int, profile: int = 
 def multiplexing_of(slots: Sequence[Slot]) -> str:
     """Multiplexing of the Tx elements in slots of one profile.
 
-    "tdm": one at a time. "bpm": by a code over the slots, of ±1 or of any other phases that can be inverted. "ddm": by
-    the Doppler band that each is shifted to. "beam": not at all; they radiate as one.
+    "tdm": one at a time. "bpm": an invertible code of phases over the slots. "ddm": Doppler bands. "beam": none.
 
     Raises
     ------
     ValueError
-        If phases advance in one of several slots, or two Tx elements by the same angle.
+        Phases advance in one of several slots, or by the same angle for two Tx elements.
     """
     if any(slot.advance_deg for slot in slots):
         if len(slots) > 1:
@@ -163,13 +169,13 @@ def multiplexing_of(slots: Sequence[Slot]) -> str:
 
 
 def doppler_gap(slot: Slot) -> float:
-    """Smallest gap between the Doppler bands of two Tx elements, as a share of the whole Doppler spectrum."""
+    """Smallest gap between the Doppler bands of two Tx elements, over the Doppler spectrum."""
     at = np.sort(np.mod(np.array(slot.advance_deg)[list(slot.on)], 360.0)) / 360.0
     return float(np.diff(np.append(at, at[0] + 1.0)).min())
 
 
 def slot_label(slot: Slot, names: Sequence[str]) -> str:
-    """Tx elements and phases of a slot, for instance "TX1-TX3" or "TX1+TX2@90" (degrees)."""
+    """Tx elements and phases of a slot as text: "TX1-TX3", "TX1+TX2@90" (degrees)."""
     text = ""
     for tx in slot.on:
         phase = (slot.phases_deg[tx] or 0.0) % 360
@@ -178,7 +184,7 @@ def slot_label(slot: Slot, names: Sequence[str]) -> str:
 
 
 def check_slots(slots: Sequence[Slot], profiles: int) -> None:
-    """Slots for the same Tx elements, all of which fire, with profiles all of which are used."""
+    """Check that slots have the same Tx elements, and that all elements and profiles are used (else ValueError)."""
     if not all(isinstance(slot, Slot) for slot in slots):
         raise ValueError(f"waveform.slots is {slots!r}: a list of Slot is needed")
     count = len(slots[0].phases_deg)

@@ -1,4 +1,4 @@
-"""Element patterns given as tables over azimuth and elevation, and the files that they come from."""
+"""Element patterns as tables over azimuth and elevation, and their files."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from scipy.interpolate import RegularGridInterpolator
 from rfgen_sionna._types import FloatArray
 
 _FLOOR = -200.0
-"""Level of a null [dB]."""
-_STEP = np.radians(0.5)
-"""Angle [rad] over which slopes are taken."""
+"""Lowest stored level [dB]; logarithms of nulls are infinite."""
+_SLOPE_STEP = np.radians(0.5)
+"""Half step of differences for slopes [rad]; below the pitch of measured patterns."""
 _COLUMNS = ("azimuth_deg", "elevation_deg", "gain_dbi")
 
 
@@ -22,8 +22,13 @@ _COLUMNS = ("azimuth_deg", "elevation_deg", "gain_dbi")
 class TablePattern:
     """Power gain on a grid of azimuth and elevation, linear in dB between its points.
 
-    Directions are in the device frame, as in :class:`~rfgen_sionna.radar.pattern.ElementPattern`. Where the azimuths go
-    all the way round the table is periodic; elsewhere it keeps its outermost values.
+    Directions as of :class:`~rfgen_sionna.radar.pattern.ElementPattern`. The table is periodic over a full turn of
+    azimuth, and constant outside its angles otherwise.
+
+    Raises
+    ------
+    ValueError
+        Angles are not ascending within ±180 or ±90 degrees, or gains do not fit them.
     """
 
     azimuth_deg: tuple[float, ...]
@@ -31,7 +36,7 @@ class TablePattern:
     gain_dbi: tuple[tuple[float, ...], ...]
     """(azimuth, elevation) [dBi]"""
     name: str = ""
-    """Source of the table, for instance "sionna:tr38901"; empty for a table of one's own."""
+    """Registered name of the table, such as "sionna:tr38901"; empty for other tables."""
 
     def __post_init__(self) -> None:
         for axis, limit in (("azimuth", 180.0), ("elevation", 90.0)):
@@ -54,7 +59,7 @@ class TablePattern:
     def of(
         cls, azimuth_deg: FloatArray, elevation_deg: FloatArray, gain_dbi: FloatArray, name: str = ""
     ) -> TablePattern:
-        """From arrays; nulls are filled up to 200 dB below isotropic, gains rounded to 0.0001 dB."""
+        """A table of arrays [degrees, dBi], with gains of at least -200 dBi in steps of 0.0001 dB."""
         gain = np.round(np.maximum(gain_dbi, _FLOOR), 4)
         return cls(
             tuple(np.asarray(azimuth_deg, np.float64).tolist()),
@@ -72,7 +77,7 @@ class TablePattern:
     def _interpolator(self) -> RegularGridInterpolator:
         azimuth, gain = np.asarray(self.azimuth_deg), np.asarray(self.gain_dbi)
         gap = 360.0 - (azimuth[-1] - azimuth[0])
-        if 0.0 < gap <= 1.5 * np.diff(azimuth).max():  # all the way round, the last point left out
+        if 0.0 < gap <= 1.5 * np.diff(azimuth).max():  # a full turn without its last point
             azimuth, gain = np.append(azimuth, azimuth[0] + 360.0), np.vstack([gain, gain[:1]])
         return RegularGridInterpolator((azimuth, np.asarray(self.elevation_deg)), gain)
 
@@ -88,16 +93,15 @@ class TablePattern:
         return np.asarray(table(points), dtype=np.float64)
 
     def slope_db(self, direction: FloatArray) -> FloatArray:
-        """(..., 3) by how much the gain [dB] rises per radian by which unit vectors `direction` (..., 3) turn, device
-        frame: across them, the way it rises most, over `_STEP` to both sides."""
+        """(..., 3) gradient of the gain [dB/rad] transverse to unit vectors `direction` (..., 3), device frame."""
         d = np.asarray(direction, np.float64)
         spare = np.where(np.abs(d[..., 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
         one = np.cross(spare, d)
         one /= np.linalg.norm(one, axis=-1, keepdims=True)
         found = np.zeros_like(d)
         for across in (one, np.cross(d, one)):
-            ahead, back = (np.cos(_STEP) * d + np.sin(step) * across for step in (_STEP, -_STEP))
-            found += ((self.gain_db(ahead) - self.gain_db(back)) / (2.0 * _STEP))[..., None] * across
+            ahead, back = (np.cos(_SLOPE_STEP) * d + np.sin(step) * across for step in (_SLOPE_STEP, -_SLOPE_STEP))
+            found += ((self.gain_db(ahead) - self.gain_db(back)) / (2.0 * _SLOPE_STEP))[..., None] * across
         return found
 
     def amplitude(self, direction: FloatArray) -> FloatArray:
@@ -106,24 +110,24 @@ class TablePattern:
 
 
 def read_table(path: Path, frequency: float, peak_gain_dbi: float | None = None) -> TablePattern:
-    """Read a pattern from a table (`.csv`) or a far field that HFSS exported (`.ffd`).
+    """Read a pattern from a table (`.csv`) or a far field of HFSS (`.ffd`).
 
     Parameters
     ----------
     path
-        `.csv`: a line `azimuth_deg,elevation_deg,gain_dbi`, then one for each direction of a full grid, in any order;
-        what follows a `#` is comment. `.ffd`: two lines `first last count` for theta and phi [degrees], the number of
+        `.csv`: a line `azimuth_deg,elevation_deg,gain_dbi`, then one line for each direction of a full grid, in any
+        order; `#` starts a comment. `.ffd`: two lines `first last count` for theta and phi [degrees], the number of
         frequencies, and per frequency its value and Re, Im of E_theta and E_phi, phi running fastest; theta counts from
-        +z (up), phi from +x (boresight) to the left. Of several frequencies the nearest one counts.
+        +z (up), phi from +x (boresight) to the left.
     frequency
-        [Hz]
+        Frequency [Hz]; the nearest one in the file counts.
     peak_gain_dbi
-        Gain that the peak shall have [dBi]. An `.ffd` file tells relative levels only and needs it.
+        Gain of the peak [dBi], required for `.ffd`, whose levels are relative; None keeps the gains of a `.csv`.
 
     Raises
     ------
     ValueError
-        Naming the file and what is wrong with it.
+        The file cannot be used; the message names it.
     """
     if not path.is_file():
         raise ValueError(f"pattern file {path} does not exist")
@@ -131,9 +135,7 @@ def read_table(path: Path, frequency: float, peak_gain_dbi: float | None = None)
         azimuth, elevation, gain = _read_csv(path)
     elif path.suffix.lower() == ".ffd":
         if peak_gain_dbi is None:
-            raise ValueError(
-                f"pattern file {path}: an .ffd file tells relative levels only: peak_gain_dbi is needed too"
-            )
+            raise ValueError(f"pattern file {path}: an .ffd file has relative levels: peak_gain_dbi is needed too")
         azimuth, elevation, gain = _read_ffd(path, frequency)
     else:
         raise ValueError(f"pattern file {path}: a .csv or an .ffd file is needed")
@@ -187,7 +189,7 @@ def _read_ffd(path: Path, frequency: float) -> tuple[FloatArray, FloatArray, Flo
     if not (np.all(np.isfinite(power)) and power.max() > 0):
         raise ValueError(f"pattern file {path}: fields that are finite and not all zero are needed")
     level = 10 * np.log10(np.maximum(power, power.max() * 1e-20))
-    # phi from 0 to 360 degrees becomes azimuth from -180 to 180; both ends of a full turn are the same direction.
+    # phi from 0 to 360 degrees becomes azimuth from -180 to 180, without the second end of a full turn.
     azimuth = (phi + 180.0) % 360.0 - 180.0
     azimuth, kept = np.unique(np.round(azimuth, 9), return_index=True)
     return azimuth, 90.0 - theta[::-1], level[::-1, kept].T

@@ -1,4 +1,4 @@
-"""FMCW chirps and how they fill a frame."""
+"""Waveform of a frame: chirps, slots, loops, and the limits that follow."""
 
 from __future__ import annotations
 
@@ -21,12 +21,16 @@ _PROFILE = tuple(field.name for field in fields(Profile))
 class Waveform:
     """A frame of linear chirps: `num_loops` loops of slots. Times count from the start of each ramp.
 
-    A chirp is `idle_time` of silence followed by a ramp of `ramp_end_time`; the ADC takes `num_samples` from
-    `adc_start_time` on. In the common frame, TDM-MIMO with one kind of chirp, one loop fires `tx_order` slot by slot.
-    Any other frame lists its `slots` (and leaves `tx_order` empty): which Tx elements radiate, with which phases and
-    with which profile, the fields of this class being profile 0 and `other_profiles` those from 1 on.
+    A chirp is `idle_time` of silence and a ramp of `ramp_end_time`; the ADC takes `num_samples` from `adc_start_time`
+    on. A TDM-MIMO frame of one profile fires `tx_order` slot by slot. Other frames list `slots`, with Tx elements,
+    phases and profile of each; the fields of this class are profile 0, `other_profiles` the next ones.
 
-    The cube's axis "tx" has one entry for each Tx in a frame with `tx_order`, else one for each slot, in their order.
+    The cube's axis "tx" has one entry per Tx element with `tx_order`, else one per slot.
+
+    Raises
+    ------
+    ValueError
+        A field is out of range, or fields do not fit each other; the message names field, value and allowed values.
     """
 
     start_frequency: float
@@ -36,7 +40,7 @@ class Waveform:
     sample_rate: float
     """Complex samples per second [Hz]."""
     num_samples: int
-    """The same for all profiles of a frame."""
+    """Samples per chirp, the same for all profiles."""
     idle_time: float
     """[s]"""
     adc_start_time: float
@@ -45,22 +49,22 @@ class Waveform:
     """[s]"""
     num_loops: int
     tx_order: tuple[int, ...]
-    """TDM: Tx index fired in each slot of a loop; every Tx of the radar fires exactly once. Empty with `slots`."""
+    """TDM: Tx index of each slot, each Tx once. Empty with `slots`."""
     frame_period: float
     """[s]"""
     other_profiles: tuple[Profile, ...] = ()
     slots: tuple[Slot, ...] = ()
     phase_step_deg: float = 0.0
-    """Step of the phase shifters, which phases are rounded to [degrees]; 0: any phase."""
+    """Step of the phase shifters, to which phases are rounded [degrees]; 0 rounds none."""
     range_limit: float | None = None
-    """Range that counts [m], where it is less than what the sample rate allows; needed where no chirp has a slope."""
+    """Largest range [m] below `range_window`; None takes the window. Required without a slope."""
     slot_starts: tuple[float, ...] | None = None
-    """Start of each slot's ramp after that of the loop's first one [s]; None: one chirp right after the other."""
+    """Start of each slot's ramp after the loop's first ramp [s]; None puts one chirp right after the other."""
     loop_time: float | None = None
-    """From loop to loop [s]; None: as long as the slots take."""
+    """Loop period [s]; None takes the duration of the slots."""
     separated: bool = False
-    """Whether what the single slot's Tx elements radiate together has been told apart: the axis "tx" is the elements,
-    all at the same time. No radar samples that; it is what demultiplexing leaves."""
+    """Whether demultiplexing has separated the simultaneous Tx elements of a single slot; the axis "tx" then counts
+    elements."""
 
     def __post_init__(self) -> None:
         for name in ("num_samples", "num_loops"):
@@ -76,7 +80,7 @@ class Waveform:
         if not self.slots:
             object.__setattr__(self, "tx_order", _checked_order(self.tx_order))
             if self.other_profiles:
-                raise ValueError("waveform.other_profiles needs slots, which say what each profile is for")
+                raise ValueError("waveform.other_profiles needs slots that use each profile")
         elif self.tx_order:
             raise ValueError("waveform has tx_order and slots: a frame is described by one of them")
         else:
@@ -95,15 +99,13 @@ class Waveform:
             raise ValueError(f"waveform.range_limit is {self.range_limit!r}: a positive, finite range [m] is needed")
         if self.range_limit is None and not any(profile.slope for profile in self.profiles):
             raise ValueError(
-                "waveform.slope is 0: a constant frequency tells no ranges and needs a range_limit [m] (in a file: "
-                "max_range_m), up to which surfaces count"
+                "waveform.slope is 0: a constant frequency has no range resolution and needs a range_limit [m] (in a "
+                "file: max_range_m), up to which surfaces count"
             )
-
-    # -- profiles and slots -------------------------------------------------------------------------------
 
     @cached_property
     def profiles(self) -> tuple[Profile, ...]:
-        """All kinds of chirps; the first one's values are the fields of this class."""
+        """All profiles; the fields of this class are the first one."""
         return (Profile(*(getattr(self, name) for name in _PROFILE)), *self.other_profiles)
 
     @property
@@ -116,8 +118,8 @@ class Waveform:
 
     @property
     def multiplexing(self) -> str:
-        """One of "tdm", "bpm", "ddm", "beam" (:func:`~rfgen_sionna.radar.slots.multiplexing_of`), "none" for a single
-        Tx, "separated"; those of several profiles with a plus between them where they differ."""
+        """Scheme: "tdm", "bpm", "ddm", "beam" (:func:`~rfgen_sionna.radar.slots.multiplexing_of`), "none" (one Tx) or
+        "separated"; different ones of several profiles joined by "+"."""
         if self.separated:
             return "separated"
         if self.num_tx == 1:
@@ -132,36 +134,32 @@ class Waveform:
 
     @property
     def doppler_bands(self) -> float:
-        """Number of Doppler bands, empty ones included, that share the Doppler spectrum (DDM); else 1."""
+        """Number of bands of the Doppler spectrum, empty ones included (DDM); else 1."""
         if self.slots and not self.separated and any(slot.advance_deg for slot in self.slots):
             return 1 / min(doppler_gap(slot) for slot in self.slots if slot.advance_deg)
         return 1.0
 
     def profile_axis(self, number: int) -> tuple[int, ...]:
-        """Entries of the axis that profile `number` is sampled in."""
+        """Entries of the axis "tx" of profile `number`."""
         if not self.other_profiles:
             return tuple(range(len(self.axis_slots)))
         return tuple(index for index, slot in enumerate(self.slots) if slot.profile == number)
 
     def profile_tx(self, number: int) -> tuple[int, ...]:
-        """Tx elements that fire with profile `number`."""
+        """Tx elements of profile `number`."""
         if not self.other_profiles:
             return tuple(range(self.num_tx))
         return tuple(sorted({tx for slot in self.slots if slot.profile == number for tx in slot.on}))
 
     def of_profile(self, number: int) -> Waveform:
-        """The frame as the chirps of one profile alone see it: its slots at their times, as profile 0.
+        """The frame of one profile's chirps: its slots at their times, as profile 0.
 
         Raises
         ------
         ValueError
-            If there is no such profile.
+            There is no such profile.
         """
-        if (
-            isinstance(number, bool)
-            or not isinstance(number, (int, np.integer))
-            or not 0 <= number < len(self.profiles)
-        ):
+        if not (_is_index(number) and 0 <= number < len(self.profiles)):
             raise ValueError(f"profile is {number!r}: a whole number in 0 … {len(self.profiles) - 1} is needed")
         if not self.other_profiles:
             return self
@@ -176,39 +174,35 @@ class Waveform:
             range_limit=self.range_limit if profile.slope else self.max_range,
         )
 
-    # -- the axis "tx" of the cube ------------------------------------------------------------------------
-
     @cached_property
     def axis_slots(self) -> tuple[int, ...]:
-        """Slot that each entry of the axis is sampled in."""
+        """Slot of each entry of the axis "tx"."""
         if self.separated:
             return (0,) * self.num_tx
         return tuple(range(self.num_slots)) if self.slots else tuple(np.argsort(self.tx_order).tolist())
 
     @property
     def slot_axis(self) -> tuple[int, ...]:
-        """Entry of the axis that each slot fills, in the order in which slots fire."""
+        """Entry of the axis "tx" of each slot, in order of time."""
         return tuple(range(len(self.axis_slots))) if self.slots else self.tx_order
 
     @cached_property
     def axis_weights(self) -> ComplexArray:
-        """(loop, axis, tx) factor of what each Tx radiates; (1, axis, tx) where all loops are alike."""
+        """(loop, axis, tx) complex weights of the Tx elements; (1, axis, tx) for equal loops."""
         if self.separated or not self.slots:
             return np.eye(self.num_tx, dtype=np.complex128)[None]
         rows = [slot.weights(self.num_loops, self.phase_step_deg) for slot in self.slots]
         loops = max(len(row) for row in rows)
         return np.stack([np.broadcast_to(row, (loops, self.num_tx)) for row in rows], axis=1)
 
-    # -- times --------------------------------------------------------------------------------------------
-
     @property
     def chirp_period(self) -> float:
-        """Idle time and ramp of the (first) profile [s]."""
+        """Idle time and ramp of the first profile [s]."""
         return self.idle_time + self.ramp_end_time
 
     @cached_property
     def slot_times(self) -> FloatArray:
-        """(slot,) start of each slot's ramp after that of the loop's first one [s]."""
+        """(slot,) start of each slot's ramp after the loop's first ramp [s]."""
         if self.slot_starts is not None:
             return np.array(self.slot_starts)
         if not self.other_profiles:
@@ -228,30 +222,28 @@ class Waveform:
 
     @property
     def frame_length(self) -> float:
-        """Time that the chirps of a frame take, idle times included [s]."""
+        """Duration of a frame's chirps with idle times [s]."""
         return self.num_loops * self.loop_period
 
     @cached_property
     def sample_times(self) -> FloatArray:
-        """(sample,) times of the samples after the start of the ramp [s], those of the first profile."""
+        """(sample,) sample times of the first profile after the start of the ramp [s]."""
         return self.adc_start_time + np.arange(self.num_samples) / self.sample_rate
 
     @cached_property
     def chirp_times(self) -> FloatArray:
-        """(chirp, axis) start of each ramp after the start of the frame's first ramp [s]."""
+        """(chirp, axis) start of each ramp after the frame's first ramp [s]."""
         return np.arange(self.num_loops)[:, None] * self.loop_period + self.slot_times[list(self.axis_slots)]
-
-    # -- limits -------------------------------------------------------------------------------------------
 
     @property
     def sampled_band(self) -> tuple[float, float]:
-        """Lowest and highest frequency that any ADC window sees [Hz]."""
+        """Lowest and highest frequency in the ADC windows [Hz]."""
         bands = [profile.sampled_band(self.num_samples) for profile in self.profiles]
         return min(low for low, _ in bands), max(high for _, high in bands)
 
     @property
     def bandwidth(self) -> float:
-        """Width of the band that the ADC windows see, all profiles together [Hz]."""
+        """Width of `sampled_band` [Hz]."""
         if not self.other_profiles:
             return abs(self.slope) * self.num_samples / self.sample_rate
         low, high = self.sampled_band
@@ -259,7 +251,7 @@ class Waveform:
 
     @property
     def center_frequency(self) -> float:
-        """Middle of that band [Hz]."""
+        """Middle of `sampled_band` [Hz]."""
         if not self.other_profiles:
             return self.start_frequency + self.slope * (self.adc_start_time + 0.5 * self.num_samples / self.sample_rate)
         low, high = self.sampled_band
@@ -267,45 +259,39 @@ class Waveform:
 
     @property
     def wavelength(self) -> float:
-        """At `center_frequency` [m]."""
+        """Wavelength at `center_frequency` [m]."""
         return SPEED_OF_LIGHT / self.center_frequency
 
     @property
     def range_resolution(self) -> float:
-        """c / 2B of the profile with the widest band [m]; infinite where the frequency is constant."""
+        """c / 2B of the profile with the widest band [m]; infinite without a slope."""
         widest = max(abs(profile.slope) / profile.sample_rate for profile in self.profiles) * self.num_samples
         return SPEED_OF_LIGHT / (2 * widest) if widest else float("inf")
 
     @property
     def range_window(self) -> float:
-        """Range whose beat frequency equals the complex sample rate, of the profile that reaches farthest [m]."""
+        """Largest range of all profiles whose beat frequency is below the complex sample rate [m]."""
         windows = [profile.range_window for profile in self.profiles if profile.slope]
         return max(windows, default=float("inf"))
 
     @property
     def max_range(self) -> float:
-        """`range_window`, or `range_limit` where that is less [m]."""
+        """Lesser of `range_window` and `range_limit` [m]."""
         return self.range_window if self.range_limit is None else min(self.range_limit, self.range_window)
 
     @property
     def velocity_resolution(self) -> float:
-        """wavelength / (2 loops loop_period) [m/s]"""
+        """Velocity resolution, wavelength / (2 loops loop_period) [m/s]."""
         return self.wavelength / (2 * self.num_loops * self.loop_period)
 
     @property
     def max_velocity(self) -> float:
-        """Largest unambiguous |radial velocity|, wavelength / (4 loop_period), shared by the Doppler bands [m/s]."""
+        """Largest unambiguous radial speed, wavelength / (4 loop_period) over the Doppler bands [m/s]."""
         return self.wavelength / (4 * self.loop_period * self.doppler_bands)
 
 
 def _check_times(wave: Waveform) -> None:
-    """Check that slots do not overlap, and that loops hold their slots and frames their loops and Doppler bands.
-
-    Raises
-    ------
-    ValueError
-        Otherwise.
-    """
+    """Check that slots do not overlap, and fit the loop, the frame and the Doppler bands (else ValueError)."""
     chirps = [wave.profiles[slot.profile] for slot in wave.slots] or [wave.profiles[0]] * len(wave.tx_order)
     needed = sum(chirp.chirp_period for chirp in chirps)
     if wave.slot_starts is not None:
@@ -346,7 +332,7 @@ def _is_index(value: object) -> bool:
 
 
 def _checked_order(order: Sequence[int]) -> tuple[int, ...]:
-    """`order` as a tuple, if it fires each Tx element once."""
+    """`order` as a tuple, checked to fire each Tx element once."""
     fired = list(order)
     if not fired or not all(_is_index(tx) for tx in fired) or sorted(fired) != list(range(len(fired))):
         raise ValueError(

@@ -1,6 +1,6 @@
-"""Scenes at radar frequencies: materials, actors, static meshes and what rays see of them.
+"""Scenes at radar frequencies: materials, actors, static meshes, rays.
 
-Importing it imports neither Mitsuba nor Sionna; they start when a scene is first loaded or traced.
+The import starts neither Mitsuba nor Sionna; the first scene that is read or traced does.
 """
 
 from rfgen_sionna._deprecation import former_names

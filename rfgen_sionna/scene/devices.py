@@ -1,4 +1,4 @@
-"""Radars as Sionna knows antennas: patterns of its registry, and devices for its own solvers."""
+"""Radars as transmitters and receivers of Sionna scenes, and antenna patterns of Sionna's registry."""
 
 from __future__ import annotations
 
@@ -17,18 +17,16 @@ if TYPE_CHECKING:
     from rfgen_sionna.scene.sionna_array import RadarReceiver, RadarTransmitter
 
 TABLE_STEP = 2.0
-"""Grid of the tables that patterns of the registry are turned into [degrees]; the 3GPP pattern errs by 0.003 dB."""
+"""Grid step of tables of registered patterns [degrees]: the 3GPP pattern errs by 0.003 dB."""
 
 
 def tabulated(radar: Radar) -> Radar:
-    """The same radar with the table that the name of its pattern stands for; any other radar as it is.
-
-    Patterns that were registered with `sionna.rt.register_antenna_pattern` count too.
+    """The radar with a table in place of a pattern of Sionna's registry; other radars are returned unchanged.
 
     Raises
     ------
     ValueError
-        If Sionna's registry has no such pattern.
+        Sionna's registry has no such pattern.
     """
     if not isinstance(radar.pattern, NamedPattern):
         return radar
@@ -55,12 +53,12 @@ def tabulated(radar: Radar) -> Radar:
 
 
 def sionna_scene(scene: Any) -> Any:
-    """The `sionna.rt.Scene` of a scene of either kind, as `scene` is one in arguments.
+    """The `sionna.rt.Scene` of a `RadarScene`, or the `sionna.rt.Scene` itself.
 
     Raises
     ------
     TypeError
-        If it is no scene.
+        `scene` is neither.
     """
     ensure_backend()
     import sionna.rt
@@ -80,30 +78,28 @@ def _check_radar(radar: Any) -> None:
 
 
 def add_radar(scene: RadarScene | Any, radar: Radar, name: str | None = None) -> tuple[RadarTransmitter, RadarReceiver]:
-    """Put a radar into a Sionna scene as a transmitter and a receiver, ready for `sionna.rt.PathSolver`.
+    """Put a radar into a Sionna scene as a transmitter and a receiver for `sionna.rt.PathSolver`.
 
-    Element positions [m], orientation, element pattern, polarisation and power are the radar's own; path gains so found
-    include the element patterns. Call the solver with `synthetic_array=False`: the other way Sionna takes a plane wave
-    across the array, which errs by degrees of phase at indoor ranges.
+    Element positions, orientation, element pattern, polarisation and power are the radar's; path gains include the
+    element patterns. Call the solver with `synthetic_array=False`: a plane wave across the array errs by degrees of
+    phase at indoor ranges.
 
-    Several radars of one kind may stand in a scene, each with its own pose. Sionna keeps one transmit array, one
-    receive array and one frequency for all devices of a scene: radars of different kinds take turns in it, see
-    :func:`radar_alone`. A :class:`~rfgen_sionna.simulation.Simulator` has a radar of its own: any number of them, of
-    any kinds, may share a scene.
+    Several radars of one kind may share a scene. Sionna keeps one transmit array, one receive array and one frequency
+    per scene: radars of different kinds take turns (:func:`radar_alone`). Simulators have no such limit.
 
     Parameters
     ----------
     scene
         A scene of :func:`~rfgen_sionna.scene.load.load_scene`, or a `sionna.rt.Scene`.
     name
-        The devices become `<name>_tx` and `<name>_rx`; the radar's own name if None.
+        Prefix of the devices `<name>_tx` and `<name>_rx`; None takes the radar's name.
 
     Raises
     ------
     TypeError
-        If the scene or the radar is none.
+        `scene` is no scene, or `radar` no radar.
     ValueError
-        If the scene has devices of that name, or arrays that are not this radar's.
+        The scene has devices of that name, or arrays of another radar.
     """
     inside = sionna_scene(scene)
     _check_radar(radar)
@@ -136,17 +132,15 @@ def add_radar(scene: RadarScene | Any, radar: Radar, name: str | None = None) ->
 def radar_alone(
     scene: RadarScene | Any, radar: Radar, name: str | None = None
 ) -> Iterator[tuple[RadarTransmitter, RadarReceiver]]:
-    """A radar as the scene's only transmitter and receiver, for as long as the `with` block lasts.
-
-    So radars of different kinds and bands share a scene, one solver call each:
+    """A radar as the scene's only transmitter and receiver within a `with` block.
 
     >>> for radar in radars:  # doctest: +SKIP
     ...     with radar_alone(scene, radar):
     ...         paths.append(solver(scene.sionna, synthetic_array=False))
 
-    Afterwards devices, arrays and frequency are what they were. The frequency of a
-    :class:`~rfgen_sionna.scene.scene.RadarScene` is the radar's centre frequency meanwhile; that of a `sionna.rt.Scene`
-    is left alone, as its materials may have none there.
+    The block restores devices, arrays and frequency at its end. Within it a
+    :class:`~rfgen_sionna.scene.scene.RadarScene` has the radar's centre frequency; a `sionna.rt.Scene` keeps its own,
+    as its materials may not be defined there.
 
     Parameters
     ----------

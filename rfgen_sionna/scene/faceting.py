@@ -1,4 +1,10 @@
-"""Whether a mesh is fine enough to stand for the smooth surface that it samples."""
+"""Flat and curved parts of a mesh, and its coarseness as a sample of a smooth surface.
+
+Between two large flat faces and the narrow faces of a rounded edge the mesh turns as little as within the edge. A mean
+normal there would bend the large faces. :func:`find_plane_parts` therefore takes a plane part of several faces for flat
+where it is several times as wide as its neighbour; the neighbour continues it without a kink. Two parts that turn
+nowhere else, such as two walls, meet at an edge.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +22,13 @@ from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.scene.scene_errors import CoarseMeshWarning
 
 SMOOTH = np.radians(30.0)
-"""Neighbouring faces that turn by more [rad] are taken for an edge of the thing itself, as of a box."""
+"""Angle between neighbouring faces [rad] above which their edge is one of the object, as of a box."""
 COARSE = 0.2
-"""Angle [rad] by which neighbouring faces of a smooth surface may turn. Metal spheres of 5 … 50 cm radius at 77 GHz, as
-the tracer rounds them, err by up to 0.01 dB at 0.08 rad (1,280 facets), 0.08 dB at 0.16 and 0.9 dB at 0.32."""
+"""Allowed angle between neighbouring faces of a smooth surface [rad]: metal spheres err by 0.1 dB at 0.16 rad."""
+FLATNESS_ANGLE = 1e-3
+"""Largest angle between faces of one plane [rad]: an arc of 1 cm has a sagitta of 1 um."""
+MIN_WIDTH_RATIO = 3.0
+"""Least width of a flat part over that of its curved neighbour: chords of an evenly sampled bend differ by less."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +41,7 @@ class FacetingQuality:
 
     @property
     def facets_needed(self) -> int:
-        """Facets that keep the angle below half of :data:`COARSE`, in steps of two digits; they shrink in both
-        directions."""
+        """Number of facets, rounded up to two digits, for an angle below half of :data:`COARSE`."""
         needed = self.facets * (2.0 * self.turn / COARSE) ** 2
         step = 10.0 ** max(0, int(np.floor(np.log10(max(needed, 1.0)))) - 1)
         return int(np.ceil(needed / step) * step)
@@ -68,40 +76,30 @@ def faceting(vertices: FloatArray, faces: IntArray) -> FacetingQuality:
 
 
 def warn_coarse(actor: MeshActor, stacklevel: int) -> None:
-    """Warn of an actor whose facets are too coarse for the smooth surface that they seem to be samples of.
-
-    Only rigid meshes are looked at: bodies that move have folds.
-    """
+    """Warn of a rigid actor whose facets are too coarse for a smooth surface; moving bodies fold and are skipped."""
     if not isinstance(actor.sequence, RigidMesh):
         return
     found = faceting(actor.sequence.points, actor.faces)
     if found.turn > COARSE:
         warnings.warn(
             f"actor '{actor.name}': its {found.facets:,} facets turn by {np.degrees(found.turn):.0f} degrees from one "
-            "to the next and are taken for samples of a smooth surface, which so few of them don't tell: its return "
-            f"may be off by a decibel, and about {found.facets_needed:,} facets would do",
+            "to the next, which is coarse for a smooth surface: its return may be off by a decibel; take about "
+            f"{found.facets_needed:,} facets",
             CoarseMeshWarning,
             stacklevel=stacklevel + 1,
         )
 
 
-FLATNESS_ANGLE = 1e-3
-"""Faces that turn by less [rad] are one plane: 1 cm of it rises by a micrometre."""
-MIN_WIDTH_RATIO = 3.0
-"""Plane parts that are so many times as wide as what they turn into are flat there. Where a bent thing is sampled at
-equal heights over its chords, the wider of two neighbours is bent by the smaller share of the angle between them."""
-
-
 @dataclass(frozen=True)
 class PlaneParts:
-    """Plane parts of a mesh, and how they go on where they turn by little."""
+    """Plane parts of a mesh, and their continuation at edges of a small angle."""
 
     part: NDArray[np.int32]
-    """(face,) number of the plane part that each face is of."""
+    """(face,) index of the face's plane part."""
     smooth: NDArray[np.bool_]
-    """(edge,) whether the surface goes on there without a kink."""
+    """(edge,) whether the surface continues without a kink."""
     flat: NDArray[np.bool_]
-    """(edge,) whether the face is flat there, and what of its turn there is is its neighbour's."""
+    """(edge,) whether the face is flat there: the angle belongs to its neighbour."""
 
 
 def find_plane_parts(
@@ -118,8 +116,7 @@ def find_plane_parts(
     vertices, faces
         (vertex, 3) [m] and (face, 3).
     edge, other
-        (edge,) three times a face plus the number of its edge, and the same of its neighbour there, of all edges over
-        which the mesh turns by little; each in both directions.
+        (edge,) 3 × face + side, of a face and of its neighbour, for all edges of a small angle in both directions.
     turn
         (edge,) angle between both faces [rad].
     """
@@ -138,12 +135,12 @@ def find_plane_parts(
     _, pair = np.unique(one * count + two, return_inverse=True)
     shared = np.bincount(pair, weights=lengths(vertices[end] - vertices[start]))[pair]
     area = np.bincount(part, weights=0.5 * lengths(face_normals(vertices, faces)), minlength=count)
-    # How far each goes on across what both share; of a disc among small faces that is its size at most.
+    # Extent of each part across the shared edge, bounded by its size.
     width, width_there = (area[each] / shared for each in (one, two))
     wider = (np.minimum(width, np.sqrt(area[one])) > MIN_WIDTH_RATIO * width_there) & several[one]
     narrower = (np.minimum(width_there, np.sqrt(area[two])) > MIN_WIDTH_RATIO * width) & several[two]
     flat[bent] = wider
-    # Bent towards one neighbour alone a part would be bent at one end, which nothing round is.
+    # A part of a round surface bends towards two neighbours.
     link, alike = one * count + two, ~wider & ~narrower
     last, like = _neighbours(link, count) < 2, _neighbours(link[alike], count)
     ends, alone = several & (like < 2), like == 0
@@ -153,5 +150,5 @@ def find_plane_parts(
 
 
 def _neighbours(link: NDArray[np.int64], count: int) -> NDArray[np.intp]:
-    """(part,) how many others each of so many parts is linked to; links are numbered part after part."""
+    """(part,) number of parts that each of `count` parts is linked to."""
     return np.bincount(np.unique(link) // count, minlength=count)

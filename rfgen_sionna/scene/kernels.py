@@ -1,6 +1,7 @@
-"""Kernels of our own, on Dr.Jit's float64 arrays for the back end in use.
+"""Kernels and uploads of this package on Dr.Jit's arrays, in float64 for phases.
 
-Mitsuba and Sionna run in float32; phases need more, and Dr.Jit itself has float64 on every back end.
+On the CPU Dr.Jit uses NumPy's memory in place, compiles one kernel for each combination of aligned and unaligned
+inputs, and reads whole packets. :func:`upload` therefore copies arrays that are not aligned with room for a packet.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
 
 def drjit_types() -> tuple[ModuleType, Any]:
-    """Dr.Jit and its module of (non-differentiable) array types: `drjit.llvm` or `drjit.cuda`."""
+    """Dr.Jit, and its module of non-differentiable array types: `drjit.llvm` or `drjit.cuda`."""
     variant = ensure_backend()
     import drjit
 
@@ -31,8 +32,8 @@ def drjit_types() -> tuple[ModuleType, Any]:
 
 @contextmanager
 def exact_division() -> Iterator[None]:
-    """Within it reciprocals, and what is made of them (`rsqrt`, `normalize`), are of double precision. With CUDA they
-    are right to a few 1e-7 alone otherwise, by Dr.Jit's fast arithmetic. Serves as a decorator, too."""
+    """Context or decorator: reciprocals, `rsqrt` and `normalize` in double precision, which CUDA's fast arithmetic
+    computes to a few 1e-7 only."""
     dr, types = drjit_types()
     if dr.backend_v(types.Float64) != dr.JitBackend.CUDA:
         yield
@@ -42,43 +43,45 @@ def exact_division() -> Iterator[None]:
 
 
 _RECORDING = Lock()
-"""One for all kernels and threads: whether garbage is collected is one switch for the process."""
+"""One lock for all kernels and threads: garbage collection is one switch for the process."""
 _LITERALS = (bool, int, str, type(None))
 _KINDS, _NEVER = 256, 2**31 - 1
-"""Kinds of inputs that a kernel is kept for, and the number after which Dr.Jit warns."""
+"""Recordings kept per kernel, above the kinds of inputs of any run; count after which Dr.Jit warns: none."""
+_ALIGNMENT = 64
+"""Alignment of Dr.Jit's packets [byte]: one AVX-512 register."""
+_PACKET = 128
+"""Room after an array for a packet [byte]: 16 numbers of double precision."""
+_DTYPES: dict[str, np.dtype[Any]] = {"Float32": np.dtype("f4"), "Float64": np.dtype("f8"), "UInt32": np.dtype("u4")}
 
 
 class FrozenKernel:
-    """A kernel that Python goes through once for each kind of inputs, and not again for others of that kind.
-
-    To go through thousands of operations takes milliseconds, as long as the kernel takes for ten thousand facets.
+    """A kernel that is recorded once for each kind of inputs and then replayed without Python.
 
     Args:
-        kernel: takes arrays on the device, in a dict of arrays, dicts and lists, and plain values as options. It
-            writes into some of the former and returns nothing. What is recorded serves inputs of all sizes: so an array
-            of lanes is given, and a width (:func:`drjit.width`) is nothing but that of another array. No two of the
-            arrays share their memory. Names of its module that it uses are what they were when it was recorded.
+        kernel: function of a dict of device arrays (also nested in dicts and lists) and of plain options. It writes
+            into some of the arrays and returns nothing. A recording serves inputs of any size: the lanes must be an
+            input array, and a width (:func:`drjit.width`) must be that of an array. No two arrays may share memory.
+            Global names keep their values from the time of recording.
     """
 
     def __init__(self, kernel: Callable[..., None]) -> None:
         self._kernel = kernel
 
     def __call__(self, given: dict[str, Any], *options: Any) -> None:
-        """Run it.
+        """Run the kernel.
 
         Raises:
             ValueError: an array is empty, or given twice.
-            TypeError: something given is no array, or an option of another type than Python's own plain ones.
+            TypeError: an input is no array, or an option is no plain Python value.
         """
         _check(given, set())
         for option in options:
-            # Dr.Jit looks at them with its lock held: where a class answers with Python of its own, as enumerations do,
-            # another thread may go on in between, and wait for that lock for ever.
+            # Dr.Jit compares options with its lock held: Python code of an enumeration there can deadlock.
             if type(option) not in _LITERALS:
                 raise TypeError(f"a kernel was given {option!r}, a {type(option).__name__}: plain options are needed")
         with _RECORDING:
             collecting = gc.isenabled()
-            gc.disable()  # a scene that is collected while its thread records ends the process
+            gc.disable()  # a scene collected during a recording ends the process
             try:
                 with exact_division():
                     self._frozen(given, repr(options))
@@ -93,8 +96,7 @@ class FrozenKernel:
         kernel = self._kernel
 
         def recorded(given: dict[str, Any], options: str) -> None:
-            # Options are one string as Dr.Jit 1.5 takes an object that it has met for one of those before, whichever it
-            # is: what was recorded for (2, 1, 2) serves (2, 1, 1), and writes beyond its arrays.
+            # One string: Dr.Jit 1.5 confuses repeated objects, and replays (2, 1, 2) for (2, 1, 1).
             kernel(given, *literal_eval(options))
 
         found: Callable[..., None] = drjit.freeze(recorded, limit=_KINDS, warn_after=_NEVER, auto_opaque=False)
@@ -102,8 +104,7 @@ class FrozenKernel:
 
 
 def _check(given: dict[str, Any] | list[Any], known: set[int]) -> None:
-    """Raises ValueError where an array is empty, which would end the process, or among those `known` by their id, and
-    TypeError where something is none: what is met again is taken for any other."""
+    """Refuse empty arrays, which end the process, repeated ones (`known` by id), and inputs that are no arrays."""
     import drjit
 
     for name, each in given.items() if isinstance(given, dict) else enumerate(given):
@@ -118,18 +119,12 @@ def _check(given: dict[str, Any] | list[Any], known: set[int]) -> None:
             raise ValueError(f"a kernel was given nothing for {name!r}")
 
 
-_ALIGNED = 64
-_PACKET = 128
-"""[byte]: 16 numbers of double precision."""
-_DTYPES: dict[str, np.dtype[Any]] = {"Float32": np.dtype("f4"), "Float64": np.dtype("f8"), "UInt32": np.dtype("u4")}
-
-
 def empty_aligned(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """An array of that shape, not filled, which :func:`upload` need not copy."""
+    """Uninitialised array of a `shape` that :func:`upload` need not copy."""
     kind = np.dtype(dtype)
     size = prod(shape) * kind.itemsize
-    memory = np.empty(size + _ALIGNED + _PACKET, np.uint8)
-    return np.ndarray(shape, kind, memory, -_address(memory) % _ALIGNED)
+    memory = np.empty(size + _ALIGNMENT + _PACKET, np.uint8)
+    return np.ndarray(shape, kind, memory, -_address(memory) % _ALIGNMENT)
 
 
 def _address(values: NDArray[Any]) -> int:
@@ -138,15 +133,14 @@ def _address(values: NDArray[Any]) -> int:
 
 
 def concatenate_aligned(parts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """One after the other, with :func:`empty_aligned`."""
-    found = empty_aligned((sum(len(each) for each in parts), *parts[0].shape[1:]))
-    return np.concatenate(parts, out=found)
+    """`parts` (row, ...) concatenated along their first axis in an :func:`empty_aligned` array."""
+    return np.concatenate(parts, out=empty_aligned((sum(map(len, parts)), *parts[0].shape[1:])))
 
 
 def upload(kind: Any, values: ArrayLike) -> Any:
-    """`values`, of any shape, as a flat Dr.Jit array of type `kind`: one of its real or integer types.
+    """`values` of any shape as a flat Dr.Jit array of type `kind` (Float32, Float64, UInt32).
 
-    What has its :func:`empty_aligned` is not copied: it is not to be written to as long as the array is about.
+    An :func:`empty_aligned` array of the same type is shared, not copied: do not write to it while the result lives.
     """
     import drjit as dr
 
@@ -165,4 +159,4 @@ def _is_aligned(values: NDArray[Any]) -> bool:
         return False
     start = _address(values)
     left = _address(base) + base.nbytes - start - values.nbytes
-    return values.flags.c_contiguous and start % _ALIGNED == 0 and left >= _PACKET
+    return values.flags.c_contiguous and start % _ALIGNMENT == 0 and left >= _PACKET

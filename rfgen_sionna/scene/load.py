@@ -18,20 +18,21 @@ from rfgen_sionna.scene.scene_errors import SceneError
 
 
 def load_scene(scene: Any = None, frequency: float | None = None, outside: Outside = "extrapolate") -> RadarScene:
-    """The surroundings for a simulation.
+    """Static surroundings of a simulation.
 
     Args:
-        scene: name of a scene of ours ("living_room") or of Sionna's (`available_scenes()` lists both), path of a
-            Mitsuba XML file with Sionna's material conventions (a room's may have a TOML file of the same name beside
-            it, which says where its free space is: see `scenes/living_room/scene.toml`), a `sionna.rt.Scene` (its ITU
-            materials are retuned in place), a `RadarScene` (returned as it is), or None for free space.
-        frequency: carrier frequency [Hz] for the Sionna scene.
-        outside: what to do at frequencies that a material's source does not cover: "extrapolate" and "clamp" warn,
-            "raise" is an error.
+        scene: name of a scene (`available_scenes()`), path of a Mitsuba XML file with Sionna's material conventions (a
+            `.toml` file of the same name may give the free space of a room: `scenes/living_room/scene.toml`), a
+            `sionna.rt.Scene` (its ITU materials are retuned in place), a `RadarScene` (returned unchanged), or None
+            for free space.
+        frequency: carrier frequency of the Sionna scene [Hz]; None leaves its own.
+        outside: policy at frequencies that a material's source does not cover: "extrapolate" and "clamp" warn, "raise"
+            is an error.
 
     Raises:
         SceneError: no such name or file, or the file is no scene.
-        TypeError: something else was given.
+        ValueError: the frequency is not positive.
+        TypeError: `scene` is none of the above.
     """
     if frequency is not None and not (np.isfinite(frequency) and frequency > 0.0):
         raise ValueError(f"frequency: {frequency!r} given, a positive value [Hz] is needed")
@@ -41,9 +42,8 @@ def load_scene(scene: Any = None, frequency: float | None = None, outside: Outsi
         return scene
     if isinstance(scene, (str, os.PathLike)):
         path = _find(scene)
-        return RadarScene(
-            path.parent.name if path.name == "scene.xml" else path.stem, path, frequency=frequency, outside=outside
-        )
+        name = path.parent.name if path.name == "scene.xml" else path.stem
+        return RadarScene(name, path, frequency=frequency, outside=outside)
     if type(scene).__name__ == "Scene" and hasattr(scene, "mi_scene") and hasattr(scene, "radio_materials"):
         return RadarScene("sionna scene", scene=scene, frequency=frequency, outside=outside)
     raise TypeError(
@@ -53,7 +53,7 @@ def load_scene(scene: Any = None, frequency: float | None = None, outside: Outsi
 
 
 def available_scenes() -> dict[str, Path]:
-    """Names and files of our scenes and of those that come with Sionna."""
+    """Names and files of the scenes of this package and of Sionna."""
     scenes = {}
     package = importlib.util.find_spec("sionna")
     for place in (package.submodule_search_locations or []) if package else []:

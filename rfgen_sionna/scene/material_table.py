@@ -1,20 +1,21 @@
-"""The materials this package knows, each with its source.
+"""Table of materials, each with its permittivity model and source.
 
-Building materials: table 3 of Recommendation ITU-R P.2040-4 (09/2025). The Recommendation calls its ranges indicative
-of the measurements behind them, except for the three grounds.
+To add a material, add an entry `name: (model, source)` to :data:`TABLE`, with a model of `scene/permittivity.py`;
+a building material of ITU-R P.2040 goes into :data:`_ITU`, other spellings into :data:`ALIASES`.
+Actors, scenes and `rfgen_sionna.scene.MATERIALS` then take it by that name.
 """
 
 from __future__ import annotations
 
 from rfgen_sionna.scene.permittivity import ColeCole, Conductor, LossTangent, Permittivity, PowerLaw
 
-_P2040 = "ITU-R P.2040-4 (09/2025), table 3"
+_P2040 = "ITU-R P.2040-4 (09/2025), table 3"  # its ranges are indicative, except for the three grounds
 _GABRIEL = "S. Gabriel, R. W. Lau, C. Gabriel, Phys. Med. Biol. 41 (1996) 2271, four Cole-Cole terms, "
 _ASSUMED = "assumed by this project, no measurement in the millimetre-wave bands at hand: "
 _MILLIMETRE = ((10e9, 110e9),)
 
 _ITU: dict[str, tuple[tuple[float, float, float, float, float, float], ...]] = {
-    # (lowest GHz, highest GHz, a, b, c, d)
+    # (lowest GHz, highest GHz, a, b, c, d): eps' = a f^b, sigma = c f^d
     "vacuum": ((0.001, 100.0, 1.0, 0.0, 0.0, 0.0),),
     "concrete": ((1.0, 100.0, 5.24, 0.0, 0.0462, 0.7822), (110.0, 330.0, 5.17, 0.0, 0.0145, 1.09)),
     "brick": ((1.0, 40.0, 3.91, 0.0, 0.0238, 0.16), (110.0, 330.0, 4.15, 0.0, 0.0006, 1.5712)),
@@ -66,7 +67,7 @@ _ITU: dict[str, tuple[tuple[float, float, float, float, float, float], ...]] = {
     "wet_ground": ((1.0, 10.0, 30.0, -0.4, 0.15, 1.3),),
 }
 
-TABLE: dict[str, tuple[Permittivity, str]] = {
+TABLE: dict[str, tuple[Permittivity, str]] = {  # new materials go here
     **{name: (PowerLaw(segments), _P2040) for name, segments in _ITU.items()},
     "pec": (
         Conductor(1.0, 1e15, ((1e6, 1e12),)),

@@ -1,8 +1,7 @@
-"""Materials at radar frequencies: complex permittivity, permeability, thickness, roughness, source and validity.
+"""Materials at radar frequencies: permittivity, permeability, thickness, roughness, source, frequency ranges.
 
-The policy for frequencies that a source does not cover is explicit: ``"extrapolate"`` (the default, with a warning:
-gaps between measured ranges are bridged, formulas are continued), ``"clamp"`` (permittivity and conductivity of the
-nearest covered frequency) or ``"raise"``.
+`outside` is the policy at frequencies that a source does not cover: "extrapolate" (with a warning), "clamp"
+(permittivity and conductivity of the nearest covered frequency) or "raise". New materials go into `material_table.py`.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from scipy.constants import epsilon_0
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.scene.material_table import ALIASES, TABLE
-from rfgen_sionna.scene.permittivity import Outside, Permittivity, Range, complex_permittivity, covers
+from rfgen_sionna.scene.permittivity import Outside, Permittivity, Range, complex_permittivity
 from rfgen_sionna.scene.scattering import LAMBERTIAN, ScatteringPattern
 from rfgen_sionna.scene.scene_errors import MaterialError, MaterialRangeWarning
 
@@ -47,7 +46,7 @@ class Material:
     """Material of a surface.
 
     Raises:
-        MaterialError: naming the field, its value and what is allowed.
+        MaterialError: a field is out of range; the message names field, value and allowed range.
     """
 
     name: str
@@ -55,15 +54,15 @@ class Material:
     """Permittivity and conductivity over frequency."""
     source: str
     thickness: float | None = None
-    """Thickness of the slab that a surface stands for [m]; None is a body so thick that only its front reflects."""
+    """Thickness of the slab behind the surface [m]; None takes a half-space, of which only the front reflects."""
     scattering_coefficient: float = 0.0
-    """Share S of the reflected field that is scattered diffusely, 0 … 1 (Sionna's definition): S² of the energy."""
+    """Diffuse share S of the reflected field, 0 … 1 (Sionna's definition): S² of the energy."""
     scattering_pattern: ScatteringPattern = LAMBERTIAN
     """Pattern of the diffuse part."""
     xpd_coefficient: float = 0.0
-    """Share of the diffuse energy that changes its polarisation, 0 … 1 (Sionna's definition)."""
+    """Share of the diffuse energy in the other polarisation, 0 … 1 (Sionna's definition)."""
     permeability: complex = 1.0
-    """Relative permeability; 1 for everything in the table."""
+    """Relative permeability; 1 for all materials of the table."""
     outside: Outside = "extrapolate"
     """Policy at frequencies that the source does not cover."""
 
@@ -102,12 +101,10 @@ class Material:
 
     def covers(self, frequency: float) -> bool:
         """Whether the source covers `frequency` [Hz]."""
-        return covers(self.model, frequency)
+        return any(low <= frequency <= high for low, high in self.model.ranges)
 
     def relative_permittivity(self, frequency: ArrayLike) -> ComplexArray:
-        """Complex relative permittivity with the conductivity in it, shaped as `frequency` [Hz].
-
-        Time goes as exp(+j 2 pi f t): eps' - j sigma / (2 pi f eps_0).
+        """Complex relative permittivity eps' - j sigma / (2 pi f eps_0), shaped as `frequency` [Hz].
 
         Raises:
             MaterialError: the policy is "raise" and a frequency is not covered.
@@ -122,7 +119,7 @@ class Material:
                 f"material {self.name!r}: permittivity {found[wrong][0]} at {values[wrong][0]:g} Hz, a number with an "
                 "imaginary part of at most 0 (loss) is needed"
             )
-        # Products of what is as good as metal, and finite, must not overflow.
+        # Products of large finite values must not overflow.
         most = np.finfo(np.float64).max ** 0.1
         large = np.isfinite(found) & (np.abs(found.real) + np.abs(found.imag) > most)
         return np.where(large, np.clip(found.real, -most, most) + 1j * np.clip(found.imag, -most, 0.0), found)
@@ -156,24 +153,24 @@ class Material:
 MATERIALS: Mapping[str, Material] = MappingProxyType(
     {name: Material(name, model, source) for name, (model, source) in TABLE.items()}
 )
-"""All materials by name. Other spellings ("metal", "itu_metal", "mat-itu_metal", "steel") are understood as well."""
+"""All materials by name; :func:`material` also takes aliases ("steel") and Sionna's prefixes ("itu_metal")."""
 
 
 def canonical_name(name: str) -> str:
-    """The name in :data:`MATERIALS` that `name` means, or `name` itself in small letters where there is none."""
+    """Name in :data:`MATERIALS` of an alias or a prefixed `name`; an unknown name in small letters."""
     key = name.strip().lower().replace(" ", "_").replace("-", "_")
     key = key.removeprefix("mat_").removeprefix("itu_")
     return ALIASES.get(key, key)
 
 
 def material(name: str, frequency: float | None = None, outside: Outside = "extrapolate", owner: str = "") -> Material:
-    """Look a material up.
+    """A material of the table.
 
     Args:
         name: a name or alias, with or without Sionna's prefixes.
-        frequency: frequency [Hz] to check: with "raise" an uncovered one is an error, else a warning.
-        outside: policy for frequencies that the source does not cover.
-        owner: the object it is for, named in messages.
+        frequency: frequency [Hz] to check: with "raise" an uncovered one is an error, else a warning. None checks none.
+        outside: policy at frequencies that the source does not cover.
+        owner: object of the material, for messages.
 
     Raises:
         MaterialError: unknown name, unknown policy, or (with "raise") an uncovered frequency.
@@ -200,7 +197,7 @@ def material(name: str, frequency: float | None = None, outside: Outside = "extr
 
 
 def _choices(frequency: float | None) -> str:
-    """The materials there are, and at what frequencies, or which of them are defined at a `frequency` [Hz]."""
+    """List of the materials and their ranges, or of those defined at a `frequency` [Hz] and elsewhere."""
     if frequency is None:
         return (
             f"known are {', '.join(f'{name} ({each.describe_ranges()})' for name, each in sorted(MATERIALS.items()))}"
@@ -211,7 +208,7 @@ def _choices(frequency: float | None) -> str:
 
 
 def warn_uncovered(materials: list[Material], frequency: float, stacklevel: int = 2) -> None:
-    """One warning about all of `materials` that are used at a `frequency` [Hz] that their sources do not cover."""
+    """Warn once of all `materials` whose sources do not cover a `frequency` [Hz]."""
     names = sorted({f"{m.name} ({m.describe_ranges()})" for m in materials if not m.covers(frequency)})
     if names:
         how = "clamped" if all(m.outside == "clamp" for m in materials) else "extrapolated"

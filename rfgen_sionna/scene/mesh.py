@@ -1,4 +1,4 @@
-"""Checking triangle meshes, and meshes that do not deform."""
+"""Triangle meshes: checks, geometry of faces, rigid meshes."""
 
 from __future__ import annotations
 
@@ -17,78 +17,74 @@ from rfgen_sionna.scene.scene_errors import MeshError
 from rfgen_sionna.scene.vertex_welding import weld_vertices
 
 MAX_COORDINATE = 1e10
-"""Coordinates, at most [m]: beyond it they are known to less than a few micrometres."""
+"""Largest coordinate [m]: float64 resolves larger ones to more than a few micrometres."""
 _THIRDS = np.tile(np.eye(3) / 3.0, (3, 1))
 
 
 def face_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """(face, 3) normals whose length is twice the area [m²]; counter-clockwise faces point at the viewer."""
+    """(face, 3) normals of twice the area's length [m²]; a face that is counter-clockwise from a side points there."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     return np.cross(b - a, c - a)
 
 
 def lengths(vectors: FloatArray) -> FloatArray:
-    """(...) lengths of vectors (..., 3); many times faster than `numpy.linalg.norm` along so short an axis."""
+    """(...) lengths of vectors (..., 3), faster than `numpy.linalg.norm` along a short axis."""
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
 def unit(vectors: FloatArray) -> FloatArray:
-    """(..., 3) of length 1, as `vectors` (..., 3) point; those of length 0 stay."""
+    """(..., 3) `vectors` (..., 3) at length 1; vectors of length 0 stay."""
     return np.asarray(vectors / np.maximum(lengths(vectors), 1e-300)[..., None])
 
 
 def max_component(values: FloatArray) -> FloatArray:
-    """(...) largest of three values (..., 3); many times faster than `max(axis=-1)`."""
+    """(...) largest of three values (..., 3), faster than `max(axis=-1)`."""
     return np.asarray(np.maximum(np.maximum(values[..., 0], values[..., 1]), values[..., 2]))
 
 
 def bounds(points: FloatArray) -> FloatArray:
-    """(2, 3) least and largest coordinates of points (point, 3), of which there is one at least; as much faster."""
+    """(2, 3) least and largest coordinates of at least one point (point, 3)."""
     return np.array([[axis.min() for axis in points.T], [axis.max() for axis in points.T]])
 
 
 def face_corners(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """(face, corner, 3) positions of the faces' corners: `vertices[faces]`, several times faster."""
+    """(face, corner, 3) positions of the faces' corners: `vertices[faces]`, faster."""
     return np.asarray(np.take(vertices, faces, axis=0))
 
 
 def corner_columns(vertices: FloatArray, faces: IntArray | NDArray[np.uint32]) -> FloatArray:
-    """(axis, corner, face) positions of the faces' corners, axis by axis: long rows are quick to reckon with."""
+    """(axis, corner, face) positions of the faces' corners, with long contiguous rows."""
     return np.asarray(np.take(np.ascontiguousarray(vertices.T), faces.T, axis=1))
 
 
 def triangle_centroids(corners: FloatArray) -> FloatArray:
-    """(..., 3) centroids of triangles (..., corner, 3); as a product several times faster than as a sum."""
+    """(..., 3) centroids of triangles (..., corner, 3)."""
     return np.asarray(corners.reshape(*corners.shape[:-2], 9) @ _THIRDS)
 
 
 def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tuple[FloatArray, IntArray]:
-    """Check that an array pair is a usable surface of triangles and return it as float64 and int32.
+    """Check a surface of triangles, open or closed, and return it as float64 and int32.
 
-    Open surfaces such as a plate are allowed. Seams, along which vertices are given twice, are sewn
-    (:func:`rfgen_sionna.scene.vertex_welding.weld_vertices`). Faces without area are dropped, with a warning that
-    counts them, and
-    vertices that no face uses without one. A closed surface whose faces all look inwards is turned inside out, with a
-    warning too.
+    Doubled vertices along seams are welded (:func:`rfgen_sionna.scene.vertex_welding.weld_vertices`). Unused vertices
+    are dropped. Faces without area are dropped, and a closed surface that faces inwards is reversed, with a warning.
 
     Args:
-        vertices: (vertex, 3) positions [m]; an array, or a tensor of torch, whose gradients are not followed.
-        faces: (face, 3) vertex indices, counter-clockwise seen from outside.
-        name: what the messages call the mesh.
+        vertices: (vertex, 3) positions [m]: an array, or a torch tensor, which is detached.
+        faces: (face, 3) vertex indices, counter-clockwise from outside.
+        name: name of the mesh in messages.
 
     Raises:
-        MeshError: empty, not (…, 3) or not triangles, vertices that are NaN, infinite or beyond `MAX_COORDINATE`,
-        masked
-            values, an index outside the vertices, an edge shared by more than two faces, or neighbouring faces of
-            opposite orientation.
+        MeshError: the mesh is empty or not of triangles, a coordinate is NaN, infinite, masked or above
+            `MAX_COORDINATE`, an index has no vertex, more than two faces share an edge, or neighbouring faces have
+            opposite orientations.
     """
     points = _vertex_array(vertices, name)
     triangles = _face_array(faces, len(points), name)
     _check_used_vertices(points, triangles, name)
     area = 0.5 * np.linalg.norm(face_normals(points, triangles), axis=1)
     extent = float(np.ptp(points[triangles.ravel()], axis=0).max())
-    # Below this a triangle's normal is rounding noise: coordinates are known to 1e-16 of their size.
+    # A smaller triangle's normal is rounding noise: float64 resolves 1e-16 of a coordinate.
     reach = float(np.abs(points[triangles.ravel()]).max())
     keep = area > max(1e-14 * extent * extent, 1e-15 * reach * extent)
     if not keep.all():
@@ -112,7 +108,7 @@ def _vertex_array(vertices: ArrayLike, name: str) -> FloatArray:
 
 
 def _check_used_vertices(points: FloatArray, triangles: IntArray, name: str) -> None:
-    """Vertices that faces use are somewhere; where others are does not matter."""
+    """Refuse NaN, infinite or too large coordinates of used vertices."""
     used = np.arange(len(points))[used_vertices(triangles)[0]]
     places = points[used]
     for wrong, what, needed in (
@@ -132,10 +128,7 @@ def _check_used_vertices(points: FloatArray, triangles: IntArray, name: str) -> 
 
 
 def used_vertices(faces: IntArray) -> tuple[NDArray[np.intp] | slice, IntArray]:
-    """Which vertices faces (face, 3) use, in their order, and the same faces as indices among those.
-
-    The others are no part of the surface: nothing may depend on where they are.
-    """
+    """Indices of the vertices that faces (face, 3) use, ascending, and the faces as indices into those."""
     used = np.zeros(int(faces.max(initial=-1)) + 1, np.bool_)
     used[faces] = True
     if used.all():
@@ -167,7 +160,7 @@ def _numeric(values: Any, what: str) -> np.ndarray[Any, Any]:
     if np.ma.is_masked(values):
         raise MeshError(f"{what}: {np.ma.count_masked(values)} values are masked, fill them or leave them out")
     if hasattr(values, "detach") and hasattr(values, "cpu"):
-        values = values.detach().cpu()  # torch makes an array of nothing else
+        values = values.detach().cpu()
     try:
         array = np.asarray(values)
     except ValueError:
@@ -192,7 +185,7 @@ def _check_edges(points: FloatArray, triangles: IntArray, name: str) -> IntArray
             f"{name}: not manifold, {len(crowded)} edges are shared by more than two faces; the first joins vertices "
             f"{low[edge]} and {high[edge]}{_duplicate_faces(triangles)}"
         )
-    # In a consistently oriented surface the two faces of an edge run through it in opposite directions.
+    # Two faces of one orientation run through their edge in opposite directions.
     balance = np.bincount(inverse, weights=np.where(forward, 1.0, -1.0), minlength=len(uses))
     twisted = np.flatnonzero((uses == 2) & (balance != 0))
     if len(twisted):
@@ -203,13 +196,13 @@ def _check_edges(points: FloatArray, triangles: IntArray, name: str) -> IntArray
             f"{_duplicate_faces(triangles) or ' (trimesh.repair.fix_winding orients a mesh)'}"
         )
     if (uses == 2).all() and _signed_volume(points, triangles) < 0.0:
-        warnings.warn(f"{name}: the faces look inwards, their orientation was reversed", stacklevel=4)
+        warnings.warn(f"{name}: the faces point inwards, their orientation was reversed", stacklevel=4)
         return np.ascontiguousarray(triangles[:, ::-1])
     return triangles
 
 
 def _duplicate_faces(triangles: IntArray) -> str:
-    """Sentence about faces with the same vertices as others; empty where there are none."""
+    """Clause about faces with the same vertices as others; empty without such faces."""
     smallest = triangles.argmin(axis=1)[:, None]
     turned = np.take_along_axis(triangles, (smallest + np.arange(3)) % 3, axis=1)  # the same face, the same row
     again = len(triangles) - len(np.unique(np.sort(triangles, axis=1), axis=0))
@@ -236,9 +229,9 @@ class RigidMesh:
     """
 
     points: FloatArray
-    """(vertex, 3) positions in the mesh's own frame [m], of vertices that faces use."""
+    """(vertex, 3) positions of the used vertices in the mesh's own frame [m]."""
     faces: IntArray
-    """(face, 3) vertex indices, counter-clockwise seen from outside."""
+    """(face, 3) vertex indices, counter-clockwise from outside."""
     name: str = "mesh"
 
     def __post_init__(self) -> None:
@@ -252,15 +245,14 @@ class RigidMesh:
 
     @classmethod
     def load(cls, mesh: Any, name: str | None = None) -> RigidMesh:
-        """Take a `trimesh.Trimesh`, a `trimesh.Scene` as one mesh, a file that trimesh reads (metres), or a pair
-        (vertices, faces).
+        """A rigid mesh of a `trimesh.Trimesh`, a `trimesh.Scene` as one mesh, a file that trimesh reads (metres), or a
+        pair (vertices, faces).
 
         Raises:
-            MeshError: the mesh is not usable, or the file holds none.
+            MeshError: the mesh is not usable, or the file has none.
             ValueError: `name` is no text, or empty.
-            FileNotFoundError: there is no such file.
-            IsADirectoryError: the path is that of a directory.
-            TypeError: something else was given.
+            FileNotFoundError, IsADirectoryError: the path is no file.
+            TypeError: `mesh` is none of the above.
         """
         if isinstance(mesh, (str, os.PathLike)):
             path = Path(mesh)
@@ -268,7 +260,7 @@ class RigidMesh:
         name = "mesh" if name is None else name
         if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
             return cls(mesh[0], mesh[1], name=name)
-        if hasattr(mesh, "geometry") and hasattr(mesh, "to_mesh"):  # a scene: all of it in place, as of a file
+        if hasattr(mesh, "geometry") and hasattr(mesh, "to_mesh"):  # a scene
             mesh = mesh.to_mesh()
         if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
             return cls(mesh.vertices, mesh.faces, name=name)
@@ -294,11 +286,11 @@ class RigidMesh:
         return ()
 
     def vertices(self, t: float) -> FloatArray:
-        """(vertex, 3) positions [m], the same at any time (read-only)."""
+        """(vertex, 3) positions [m], the same at any time; read-only."""
         return self.points
 
     def joints(self, t: float) -> FloatArray:
-        """(0, 3): a rigid mesh has no skeleton."""
+        """(0, 3): no skeleton."""
         return np.empty((0, 3))
 
 
@@ -310,8 +302,7 @@ def _read(path: Path) -> tuple[FloatArray, IntArray]:
     import trimesh
 
     try:
-        # Unprocessed, so that a NaN in the file is reported instead of dropped.
-        mesh = trimesh.load(path, force="mesh", process=False)
+        mesh = trimesh.load(path, force="mesh", process=False)  # unprocessed: NaN is reported, not dropped
     except Exception as error:  # trimesh raises whatever its parsers run into
         raise MeshError(f"mesh file {str(path)!r} cannot be read: {error}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:

@@ -1,4 +1,4 @@
-"""Actors: meshes that are placed in the scene and move through it."""
+"""Actors: mesh sequences with a material and a pose in the world."""
 
 from __future__ import annotations
 
@@ -20,28 +20,27 @@ from rfgen_sionna.scene.mesh import RigidMesh
 from rfgen_sionna.scene.vertex_welding import weld_vertices
 
 MAX_SPEED = 0.01 * SPEED_OF_LIGHT
-"""Constant velocities, at most [m/s]: an echo comes from where a thing is, not from where it was."""
+"""Largest constant velocity [m/s]: the tracer neglects motion during the travel time."""
 _PROBE_TIMES = (0.0, 0.236, 0.382, 0.618, 0.854, 1.0)
-"""Shares of a sequence's length at which seams are looked at whether they stay closed; no cycle keeps step with all."""
+"""Tests for closed seams, as shares of the duration; in phase with no motion cycle."""
 Vector: TypeAlias = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class MeshActor:
-    """A mesh sequence of one material, placed and moving rigidly in the world on top of its own deformation.
+    """A mesh sequence of one material, with a rigid motion in the world on top of its own deformation.
 
     Raises:
-        ValueError: a vector that is not three finite numbers, a velocity beyond :data:`MAX_SPEED`, an empty name, or a
-            trajectory together with a position or velocity.
-        MaterialError: unknown material.
+        ValueError: a vector is not three finite numbers, the velocity exceeds :data:`MAX_SPEED`, the name is empty, or
+            a trajectory comes with a position or velocity.
+        MaterialError: the material is unknown.
         TypeError: `sequence` is no mesh sequence.
     """
 
     sequence: MeshSequence
     """Shape over time in the actor's own frame [m]."""
     material: str | Material
-    """Name of a material, see :data:`rfgen_sionna.scene.MATERIALS`, or a material, such as
-    `dataclasses.replace(MATERIALS["concrete"], scattering_coefficient=0.3)`."""
+    """A material, or its name in :data:`rfgen_sionna.scene.MATERIALS`; `dataclasses.replace` changes one of those."""
     name: str = "actor"
     """Name in labels; unique within a simulation."""
     position: Vector = (0.0, 0.0, 0.0)
@@ -51,8 +50,8 @@ class MeshActor:
     velocity: Vector = (0.0, 0.0, 0.0)
     """Constant velocity in the world [m/s]."""
     trajectory: Callable[[float], Any] | None = None
-    """Function of the time [s] that returns the position [m], or a pair (position, orientation [rad]), instead of
-    `position` and `velocity`. It must be smooth (C²): steps in it are steps in the phase."""
+    """Function of the time [s] that returns the position [m], or a pair (position, orientation [rad]); it replaces
+    `position` and `velocity`. It must be smooth (C²): its steps are steps of the phase."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.sequence, MeshSequence):
@@ -65,7 +64,6 @@ class MeshActor:
             object.__setattr__(self, field, _vector(getattr(self, field), f"{self.name}: {field}"))
         speed = math.hypot(*self.velocity)
         if speed > MAX_SPEED:
-            # All digits: a limit that is rounded may be above what it refuses.
             raise ValueError(
                 f"{self.name}: velocity {self.velocity} m/s given, {speed} m/s in all, at most {MAX_SPEED} m/s is "
                 "allowed, a hundredth of the speed of light"
@@ -95,20 +93,16 @@ class MeshActor:
         """A rigid actor.
 
         Args:
-            mesh: `trimesh.Trimesh`, `trimesh.Scene` (all of it), path of a file that trimesh reads (in metres), or a
-                pair (vertices, faces).
-            material: a material or its name; there is none that would be taken without.
-            position: world position of the mesh's origin at t = 0 [m].
-            velocity: [m/s].
-            orientation: (yaw, pitch, roll) [rad].
-            trajectory: see :attr:`trajectory`.
-            name: what labels call it; the file's name or "mesh" where it is not given.
+            mesh: `trimesh.Trimesh`, `trimesh.Scene` as one mesh, path of a file that trimesh reads (metres), or a pair
+                (vertices, faces).
+            material: a material or its name; required.
+            position, velocity, orientation, trajectory: fields of this class.
+            name: label; None takes the file's name, else "mesh".
 
         Raises:
-            MeshError: the mesh is not usable (see :func:`rfgen_sionna.scene.mesh.check_mesh`).
+            MeshError: the mesh is not usable (:func:`rfgen_sionna.scene.mesh.check_mesh`).
             MaterialError: no material, or an unknown one.
-            FileNotFoundError: there is no such file.
-            IsADirectoryError: the path is that of a directory.
+            FileNotFoundError, IsADirectoryError: the path is no file.
             TypeError: `mesh` is none of the above.
         """
         if name is None and isinstance(mesh, (str, Path)):
@@ -126,18 +120,18 @@ class MeshActor:
 
     @property
     def properties(self) -> Material:
-        """The material's properties; of one that is named at frequencies that its source covers, and no others."""
+        """The material; a named one refuses frequencies that its source does not cover."""
         if isinstance(self.material, Material):
             return self.material
         return material(self.material, outside="raise", owner=self.name)
 
     @cached_property
     def faces(self) -> IntArray:
-        """(face, 3) vertex indices, counter-clockwise seen from outside; seams of the sequence's are sewn
+        """(face, 3) vertex indices, counter-clockwise from outside, with welded seams
         (:func:`rfgen_sionna.scene.vertex_welding.weld_vertices`)."""
         faces, duration = self.sequence.faces, self.sequence.duration
         if isinstance(self.sequence, RigidMesh):
-            return faces  # that is done
+            return faces
         length = duration if math.isfinite(duration) else 1.0
         return weld_vertices(faces, (self.sequence.vertices(share * length) for share in _PROBE_TIMES))
 
@@ -171,11 +165,11 @@ class MeshActor:
         return position, rotation_matrix(orientation)
 
     def vertices(self, t: float) -> FloatArray:
-        """(vertex, 3) world positions at time `t` [s], in metres."""
+        """(vertex, 3) world positions [m] at time `t` [s]."""
         return self._to_world(self.sequence.vertices(t), t)
 
     def joints(self, t: float) -> FloatArray:
-        """(joint, 3) world positions of the joints at time `t` [s], in metres."""
+        """(joint, 3) world positions of the joints [m] at time `t` [s]."""
         return self._to_world(self.sequence.joints(t), t)
 
     def _to_world(self, points: FloatArray, t: float) -> FloatArray:

@@ -1,10 +1,9 @@
-"""Choosing the Mitsuba variant, and finding an LLVM that Dr.Jit can run on.
+"""Choice of the Mitsuba variant, and search for an LLVM that Dr.Jit can use.
 
-On the CPU Dr.Jit compiles its kernels with the system's LLVM. With LLVM 15 and 16 it aborts the whole process on
-any float minimum or maximum, and it refuses 14, so a library is tried once in a child process before it is used.
-Nothing here runs at import: call :func:`ensure_backend` right before the first use of Mitsuba.
-
-``python -m rfgen_sionna.scene.mitsuba_backend`` prints what was found and ends with 0, or with 1 and the cure.
+On the CPU Dr.Jit compiles its kernels with the system's LLVM. LLVM 15 and 16 abort the process on any float minimum,
+and Dr.Jit refuses older ones, so a child process tries a library before its first use. The import runs nothing: call
+:func:`ensure_backend` before the first use of Mitsuba. ``python -m rfgen_sionna.scene.mitsuba_backend`` reports the
+variant, or exits with 1 and the cure.
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ from pathlib import Path
 from rfgen_sionna.scene.scene_errors import BackendError
 
 PREFERRED_LLVM = 19
-"""The version that is tested with the Dr.Jit release in use."""
+"""Version tested with the Dr.Jit release in use."""
 OLDEST_LLVM = 17
-"""Older ones are known to abort the process (15, 16) or to be refused (14 and before)."""
+"""Oldest usable version: 15 and 16 abort the process, Dr.Jit refuses 14 and older."""
 VARIANTS = ("cuda_ad_mono_polarized", "llvm_ad_mono_polarized")
-"""Mitsuba variants in the order of choice, as in Sionna; a variant set by the user comes first."""
+"""Mitsuba variants in order of choice, as in Sionna; a variant set by the user comes first."""
 
 _ENVIRONMENT = "DRJIT_LIBLLVM_PATH"
 _CURE = (
@@ -51,12 +50,12 @@ _chosen: str | None = None
 def ensure_backend() -> str:
     """Make Mitsuba usable and return the active variant.
 
-    A variant that is already set is kept. Otherwise CUDA is taken where there is a usable device, else LLVM; for
-    LLVM `DRJIT_LIBLLVM_PATH` is set in this process where it is not set yet.
+    A variant that is already set stays. Otherwise CUDA is taken with a usable device, else LLVM, for which the process
+    gets `DRJIT_LIBLLVM_PATH` unless it is set.
 
     Raises:
-        BackendError: no usable LLVM and no CUDA device, a variant without vectorised tracing is set, or Mitsuba is
-            not installed. The message names the cure.
+        BackendError: no usable LLVM and no CUDA device, a scalar variant is set, or Mitsuba is not installed; the
+            message names the cure.
     """
     global _chosen
     if _chosen is not None:
@@ -76,10 +75,10 @@ def ensure_backend() -> str:
 
 
 def ensure_llvm() -> None:
-    """Make Dr.Jit's kernels on the CPU usable, with Mitsuba or without.
+    """Make Dr.Jit's kernels on the CPU usable, without Mitsuba.
 
     Raises:
-        BackendError: no usable LLVM. The message names the cure.
+        BackendError: no usable LLVM; the message names the cure.
     """
     if _chosen is not None and _chosen.startswith("llvm"):
         return
@@ -89,14 +88,14 @@ def ensure_llvm() -> None:
 
 
 def may_use_cuda() -> bool:
-    """Whether tracing goes on with CUDA in this process, or would where it has not begun."""
+    """Whether tracing in this process uses CUDA, or will use it."""
     active = _active_variant()
     return has_cuda() if active is None else active.startswith("cuda")
 
 
 @contextmanager
 def without_threads() -> Iterator[None]:
-    """Within it Dr.Jit has no threads on the CPU but the caller's: the process may be forked."""
+    """Context without Dr.Jit threads on the CPU, in which the process may be forked."""
     import drjit
 
     count = drjit.thread_count()
@@ -109,11 +108,7 @@ def without_threads() -> Iterator[None]:
 
 
 def find_llvm() -> list[Path]:
-    """Paths of the LLVM libraries worth trying, best first.
-
-    `DRJIT_LIBLLVM_PATH` is the only candidate where it is set. Otherwise version 19 comes first, then newer ones,
-    then 18 and 17; older ones are left out.
-    """
+    """Candidate LLVM libraries, best first: `DRJIT_LIBLLVM_PATH` alone if set, else version 19, newer ones, 18, 17."""
     explicit = os.environ.get(_ENVIRONMENT)
     if explicit:
         return [Path(explicit)]
@@ -126,11 +121,8 @@ def find_llvm() -> list[Path]:
 
 
 def probe_llvm(library: Path) -> str | None:
-    """Try `library` with Dr.Jit in a child process.
-
-    Returns None where it works, else what went wrong. A success is remembered per user until the library or
-    Dr.Jit changes.
-    """
+    """Try `library` with Dr.Jit in a child process. None is a success, which is cached per user until the library or
+    Dr.Jit changes; else the problem."""
     if not library.is_file():
         return "no such file"
     key = _cache_key(library)
@@ -159,11 +151,10 @@ def usable_llvm() -> Path:
     """The best LLVM library that works.
 
     Raises:
-        BackendError: none was found, or none of those found works.
+        BackendError: no library works.
     """
-    candidates = find_llvm()
     failures = []
-    for library in candidates:
+    for library in find_llvm():
         problem = probe_llvm(library)
         if problem is None:
             return library
@@ -209,10 +200,7 @@ def _set_variant() -> str:
 
 
 def _check_loaded_llvm() -> None:
-    """Refuse the LLVM of this process where it is one that would abort it.
-
-    Dr.Jit prefers an LLVM that some other library has loaded already over the one it is told to take.
-    """
+    """Refuse an LLVM that would abort the process: Dr.Jit prefers one that another library has loaded."""
     import drjit
 
     version = tuple(drjit.detail.llvm_version())
@@ -224,7 +212,7 @@ def _check_loaded_llvm() -> None:
 
 
 def has_cuda() -> bool:
-    """Whether the CUDA driver is here and sees a device."""
+    """Whether the CUDA driver is installed and has a device."""
     name = "nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1"
     try:
         driver = ctypes.CDLL(name)
@@ -235,7 +223,8 @@ def has_cuda() -> bool:
 
 
 def _system_libraries() -> Iterable[Path]:
-    folders = [Path(sys.prefix) / "lib", *_search_path()]
+    search = os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep)
+    folders = [Path(sys.prefix) / "lib", *(Path(entry) for entry in search if entry)]
     for root in ("/usr/lib", "/usr/lib64", "/usr/local/lib", "/lib", "/usr/lib/wsl/lib"):
         folders += [Path(root), *sorted(Path(root).glob("*-linux-gnu*"))]
     for pattern in ("/usr/lib/llvm*/lib", "/usr/lib64/llvm*/lib64", "/opt/homebrew/opt/llvm*/lib"):
@@ -246,13 +235,8 @@ def _system_libraries() -> Iterable[Path]:
             yield from sorted(folder.glob(pattern))
 
 
-def _search_path() -> list[Path]:
-    value = os.environ.get("LD_LIBRARY_PATH", "")
-    return [Path(entry) for entry in value.split(os.pathsep) if entry]
-
-
 def _version_of(path: Path) -> int | None:
-    """Major version from the name of the file, or of the folder above it; None where neither tells."""
+    """Major version in the name of the file or of its folder; None without one."""
     for text in (path.resolve().name, path.name, str(path.resolve().parent)):
         match = re.search(r"(?:libLLVM[-.](?:so\.)?|llvm[-@]?)(\d+)", text)
         if match:
@@ -293,7 +277,7 @@ def _read_cache() -> list[str]:
 
 
 def _remember(key: str) -> None:
-    """Add `key` to the cache; a folder that cannot be written only costs the next start half a second."""
+    """Add `key` to the cache; a read-only folder only costs the next process another try."""
     file = _cache_file()
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -305,7 +289,7 @@ def _remember(key: str) -> None:
 
 
 def main() -> int:
-    """Report on the back end; 0 where it works."""
+    """Print the variant and return 0, or print the cure and return 1."""
     try:
         variant = ensure_backend()
     except BackendError as error:

@@ -1,7 +1,7 @@
-"""Occluders of several times at once, as seen from one place.
+"""Occluders at several times in one ray scene.
 
-A ray scene takes milliseconds to build and a kernel to launch, however few the rays. The occluders of all times are
-built into one scene, side by side, and the rays of all times are traced together.
+Building a scene and launching a kernel cost the same for few rays as for many. The moving faces of all times stand
+side by side in one scene, and one launch traces the rays of all times.
 """
 
 from __future__ import annotations
@@ -20,32 +20,32 @@ from rfgen_sionna.scene.point_visibility import NO_PRIMITIVE, PointVisibility
 from rfgen_sionna.scene.ray_layer import MeshLayer, evaluate_hits
 
 StaticHits = Callable[[Any, int, bool], tuple[Any, Any]]
-"""So many rays, and whether neighbours are side by side, to the face that each hits first, `NO_PRIMITIVE` for none, and
-the distance, on the device."""
-_MOST_FACES, _FURTHEST = 4_000_000, 30.0
-"""Faces that are placed side by side, at most, and how far from where they are [m]: coordinates are float32."""
-_APART = 1.1
-"""Distance from the objects of one time to those of the next, over their width."""
+"""Rays, their number, and whether neighbouring rays are coherent, to the first face of each (`NO_PRIMITIVE` for none)
+and its distance, on the device."""
+_MAX_FACES, _MAX_OFFSET = 4_000_000, 30.0
+"""Bounds of faces side by side (memory of the tree) and of their offset [m] (float32 coordinates)."""
+_SPACING = 1.1
+"""Offset from one time's faces to the next, over their width; 0.1 of clearance exceeds rounding."""
 _GROUPS = 16
-"""Groups of neighbouring facets before which objects are looked for."""
+"""Groups of neighbouring facets in the cone test; more cost more than they exclude."""
 _MARGIN, _STRAY = 2e-3, 0.05
-"""How far beside them, too: so much [rad], and that share of how far a face gets."""
-_TOLD = 8
-"""Times that tell where faces get to, at most."""
+"""Angular margin [rad] of the cone test, and its share of a face's angular path: limbs move on arcs."""
+_MAX_TESTED_TIMES = 8
+"""Times of an interval at which the cone test samples the path of a face; faces move smoothly."""
 
 
 class Occluders:
-    """Occluders of points at several times: all static objects, and the moving faces that may occlude.
+    """Occluders of points at several times: all static objects, and moving candidate faces.
 
     Args:
-        static: what rays hit of static objects.
-        origin: (3,) [m] of the coordinates that these rays have.
-        faces: (face, 3) of the moving objects, as they count the vertices of all.
-        first: number of the first of them in the ray scene, and of static faces.
-        viewpoint: (3,) [m] from which rays start.
-        vertices: of every time, (vertex, 3) positions [m] of all moving objects, one after the other.
-        hiding: of every time, which of the moving faces may hide what is looked at.
-        points: (point, 3) [m] that are looked at, if they may lie beyond those faces.
+        static: first hits on the static objects.
+        origin: (3,) origin of the ray scene's coordinates [m].
+        faces: (face, 3) of the moving objects, indices into the vertices of all.
+        first: number of static faces, which is the index of the first moving facet.
+        viewpoint: (3,) origin of the rays [m].
+        vertices: per time, (vertex, 3) positions [m] of all moving objects, concatenated.
+        candidates: per time, indices of the moving faces that may occlude.
+        points: (point, 3) possible targets [m] outside the bounds of those faces.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Occluders:
         self._box = bounds(every)
         width = self._box[1] - self._box[0]
         self._axis = axis = int(np.argmin(width))
-        step = _APART * max(float(width[axis]), 1e-3)
+        step = _SPACING * max(float(width[axis]), 1e-3)
         unit = 2.0 ** np.floor(np.log2(step) - 6)  # single precision holds its multiples exactly
         self._step = np.zeros(3)
         self._step[axis] = unit * np.ceil(step / unit)
@@ -84,7 +84,7 @@ class Occluders:
         self._extent = float(np.abs(self._box).max() + len(vertices) * self._step.max())
 
     def numbered(self, facets: IntArray | NDArray[np.int64], count: int) -> NDArray[np.int64]:
-        """(time facet,) numbers by which `facets` (facet,) of the ray scene are known at each of so many times."""
+        """(time facet,) numbers of `facets` (facet,) at each of `count` times."""
         return (self._count * np.arange(count)[:, None] + facets).ravel()
 
     def targets(
@@ -95,11 +95,11 @@ class Occluders:
         moving: bool = False,
         bundled: bool = False,
     ) -> PointVisibility:
-        """:meth:`rfgen_sionna.scene.rays.RayScene.targets` of pieces of facets at any of the times, `facets` being
-        their numbers by :meth:`numbered`.
+        """:meth:`rfgen_sionna.scene.rays.RayScene.targets` at any of the times; `facets` are numbers of
+        :meth:`numbered`.
 
         Raises:
-            ValueError: another viewpoint than that of the occluders.
+            ValueError: `viewpoint` differs from that of the occluders.
         """
         if not np.array_equal(viewpoint, self._viewpoint):
             raise ValueError(f"viewpoint: {viewpoint} given, the occluders are seen from {self._viewpoint}")
@@ -112,11 +112,11 @@ class Occluders:
         return PointVisibility(nearest, self._origin, viewpoint, corners, facets, self._extent, scenes)
 
     def first_facet(self, directions: FloatArray, time: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
-        """(ray,) what each ray from the viewpoint hits first, as a facet of the ray scene; -1 where there is nothing.
+        """(ray,) facet of the ray scene that each ray from the viewpoint hits first; -1 for none.
 
         Args:
-            directions: (ray, 3) of any length above zero.
-            time: (ray,) number of the time at which each is sent.
+            directions: (ray, 3), any length above zero.
+            time: (ray,) index of each ray's time.
         """
         if not len(directions):
             return np.zeros(0, np.int64)
@@ -124,8 +124,8 @@ class Occluders:
         import mitsuba as mi
 
         towards = directions / np.maximum(lengths(directions), 1e-300)[:, None]
-        # Beyond all that stands there at its time a ray would come to what does at the next.
-        clear = 0.4 * (1.0 - 1.0 / _APART) * self._step[self._axis]
+        # Behind the faces of its own time a ray would reach those of the next.
+        clear = 0.4 * (1.0 - 1.0 / _SPACING) * self._step[self._axis]
         along, ends = towards[:, self._axis], self._box[:, self._axis] + [-clear, clear]
         reach = ends[(along > 0).astype(np.intp)] / np.where(np.abs(along) > 1e-9, along, 1e-9)
         start = mi.Point3f(*(dr.opaque(mi.Float, float(each)) for each in self._viewpoint - self._origin))
@@ -138,18 +138,17 @@ class Occluders:
 
     @cached_property
     def _numbers(self) -> tuple[Any, list[Any], Any]:
-        """On the device: faces of a time, the step [m] from one time to the next, and the number of each face."""
+        """On the device: faces of a time, offset [m] from one time to the next, and number of each face."""
         import drjit as dr
         import mitsuba as mi
 
-        # One array for all numbers that change: each of its own would be one more launch.
+        # One array for all numbers that change: each array costs a launch.
         step, gather = upload(mi.Float, self._step), dr.gather
         steps: list[Any] = [gather(mi.Float, step, mi.UInt32(axis)) for axis in range(3)]
         return dr.opaque(mi.UInt32, self._count), steps, upload(mi.UInt32, self._number)
 
     def _first_hits(self, bundled: bool) -> Callable[[Any, Any, Any | None], tuple[Any, Any]]:
-        """Rays, facets of the times at which they are sent, and the rays that static objects are looked for with, to
-        the facet that each hits first and the distance."""
+        """Function of rays, their target facets and the rays for static objects: first facet and distance."""
         import drjit as dr
         import mitsuba as mi
 
@@ -177,27 +176,28 @@ class Occluders:
 
 
 def times_at_once(faces: int, viewpoint: FloatArray, vertices: Sequence[FloatArray]) -> int:
-    """At how many times objects of so many `faces` in all, with `vertices` (vertex, 3) [m] each, may be looked at
-    together from the `viewpoint`."""
+    """Number of times that one :class:`Occluders` can hold, for `faces` moving faces of objects with `vertices`
+    (vertex, 3) [m] each, seen from `viewpoint` (3,) [m]."""
     ends = np.concatenate([np.zeros((1, 3)), *(bounds(points) - viewpoint for points in vertices if len(points))])
-    step = _APART * max(float(np.ptp(ends, axis=0).min()), 1e-3)
-    return max(1, min(_MOST_FACES // max(faces, 1), int(_FURTHEST / step)))
+    step = _SPACING * max(float(np.ptp(ends, axis=0).min()), 1e-3)
+    return max(1, min(_MAX_FACES // max(faces, 1), int(_MAX_OFFSET / step)))
 
 
 def possible_occluders(
     faces: NDArray[np.uint32], vertices: Sequence[FloatArray], corners: FloatArray
 ) -> NDArray[np.intp]:
-    """Which of the `faces` (face, 3) may come between the origin and facets, at any time.
+    """Indices of the `faces` (face, 3) that may come between the origin and facets at some time: a cone test.
 
     Args:
-        vertices: of every time, (vertex, 3) positions [m]; they move on smoothly.
-        corners: (time, facet, 3, 3) [m] of the facets.
+        vertices: per time, (vertex, 3) positions [m]; their motion is smooth.
+        corners: (time, facet, 3, 3) of the facets [m].
     """
     if not len(faces) or not corners.size:
         return np.zeros(0, np.intp)
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32
-    told = np.unique(np.linspace(0, len(vertices) - 1, min(len(vertices), _TOLD)).astype(np.intp))
+    tested = np.linspace(0, len(vertices) - 1, min(len(vertices), _MAX_TESTED_TIMES))
+    tested_times = np.unique(tested.astype(np.intp))
     least, most, far = _boxes(corners.reshape(len(corners), -1, 3))
     least, most = (each.reshape(-1, 3, 3) for each in (least, most))
     least, most, far = least.min(axis=1), most.max(axis=1), far.reshape(-1, 3).max(axis=1)
@@ -212,9 +212,9 @@ def possible_occluders(
         {
             "lanes": dr.arange(UInt32, len(faces)),
             "faces": upload(UInt32, faces),
-            "vertices": upload(Float, concatenate_aligned([vertices[each] for each in told])),
+            "vertices": upload(Float, concatenate_aligned([vertices[each] for each in tested_times])),
             "points": dr.opaque(UInt32, len(vertices[0])),
-            "times": dr.opaque(UInt32, len(told)),
+            "times": dr.opaque(UInt32, len(tested_times)),
             "groups": upload(Float, groups),
             "count": dr.opaque(UInt32, len(groups)),
             "found": found,
@@ -224,7 +224,7 @@ def possible_occluders(
 
 
 def _may_come_before(given: dict[str, Any]) -> None:
-    """The kernel of :func:`possible_occluders`: a face gets to where its corners' directions are in a box, and around it."""
+    """Kernel of :func:`possible_occluders`: box of a face's corner directions over time against those of the groups."""
     dr, types = drjit_types()
     Float, lane = types.Float64, given["lanes"]
     ends = [dr.gather(types.UInt32, given["faces"], 3 * lane + corner) for corner in range(3)]
@@ -245,8 +245,7 @@ def _may_come_before(given: dict[str, Any]) -> None:
     first = dr.zeros(types.UInt32, dr.width(lane))
     _, near, *box = dr.while_loop((first, *begun), lambda time, *_: time < given["times"], visible)
     low, high = box[:3], box[3:]
-    # An arc's sagitta is an eighth of its square, and twice that over a triangle. By half of that share of its way a
-    # face comes nearer than its corners.
+    # Sagitta of an arc: an eighth of its square, twice that over a triangle; the face is nearer by half that share.
     square = sum((b - a) * (b - a) for a, b in zip(low, high, strict=True))
     margin = square / 4.0 + _STRAY * dr.sqrt(square)
     near = near * dr.maximum(1.0 - 0.5 * square, 0.0)
@@ -268,15 +267,14 @@ _BEFORE = FrozenKernel(_may_come_before)
 
 
 def _boxes(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Least and largest coordinates (point, 3) of the directions to `points` (time, point, 3) [m] over time, and the
-    largest distance (point,) [m]."""
+    """Bounds over time of the directions to `points` (time, point, 3) [m], each (point, 3), and largest distance."""
     distance = np.stack([lengths(each) for each in points])
     directions = points / np.maximum(distance, 1e-12)[..., None]
     return directions.min(axis=0), directions.max(axis=0), distance.max(axis=0)
 
 
 def _neighbours(places: FloatArray) -> list[NDArray[np.intp]]:
-    """Groups of neighbouring `places` (place, 3): the widest is halved until there are enough."""
+    """Groups of neighbouring `places` (place, 3): the widest is halved until there are :data:`_GROUPS`."""
     groups = [np.arange(len(places))] if len(places) else []
     while groups and len(groups) < _GROUPS:
         widths = [np.ptp(places[each], axis=0) for each in groups]

@@ -1,6 +1,6 @@
-"""Models of the complex permittivity over frequency, each with the range its source covers.
+"""Models of the complex permittivity over frequency, each with the frequency ranges of its source.
 
-Sign: fields go as exp(+j 2 pi f t), so losses are a negative imaginary part, eps_r = eps' - j sigma / (2 pi f eps_0).
+Sign: fields vary as exp(+j 2 pi f t), losses are a negative imaginary part: eps_r = eps' - j sigma / (2 pi f eps_0).
 """
 
 from __future__ import annotations
@@ -28,27 +28,22 @@ class Permittivity(Protocol):
         ...
 
     def evaluate(self, frequency: float, outside: Outside) -> tuple[float, float]:
-        """(eps', sigma [S/m]) at one frequency [Hz]; the policy has been checked, it is not "raise" outside."""
+        """(eps', sigma [S/m]) at one frequency [Hz]; `outside` "raise" has been checked before."""
         ...
 
 
-def covers(model: Permittivity, frequency: float) -> bool:
-    """Whether `frequency` [Hz] lies within what the model's source covers."""
-    return any(low <= frequency <= high for low, high in model.ranges)
-
-
 def complex_permittivity(model: Permittivity, frequencies: FloatArray, outside: Outside) -> ComplexArray:
-    """Relative permittivity at each frequency [Hz], losses as a negative imaginary part."""
+    """Complex relative permittivity at each frequency [Hz], shaped as `frequencies`."""
     flat = [model.evaluate(float(f), outside) for f in frequencies.ravel()]
     real, sigma = np.array(flat).reshape(-1, 2).T.reshape(2, *frequencies.shape)
     found = np.empty(frequencies.shape, np.complex128)
-    # Part by part: of an infinite conductivity the product with 1j would have a real part that is no number.
+    # Part by part: an infinite conductivity times 1j has a real part of NaN.
     found.real, found.imag = real, -sigma / (2.0 * np.pi * frequencies * epsilon_0)
     return found
 
 
 def _nearest(ranges: tuple[Range, ...], frequency: float) -> tuple[int, float]:
-    """Index of the range nearest to `frequency` in octaves, and the edge of it that faces `frequency`."""
+    """Index of the range nearest to `frequency` in octaves, and its nearest frequency."""
     edges = [min(max(frequency, low), high) for low, high in ranges]
     distances = [abs(np.log(edge / frequency)) for edge in edges]
     best = int(np.argmin(distances))
@@ -59,9 +54,8 @@ def _nearest(ranges: tuple[Range, ...], frequency: float) -> tuple[int, float]:
 class PowerLaw:
     """eps' = a f^b and sigma = c f^d with f in GHz, piecewise (ITU-R P.2040, section 2.1.4 and table 3).
 
-    Where ranges overlap, the one listed first counts. Extrapolating bridges a gap between two ranges by straight
-    lines through the facing edges (eps' over log f, log sigma over log f), and continues the nearest formula
-    elsewhere.
+    The first of overlapping ranges counts. Extrapolation interpolates over a gap between two ranges (eps' and
+    log sigma, linear in log f) and continues the nearest formula elsewhere.
     """
 
     segments: tuple[tuple[float, float, float, float, float, float], ...]
@@ -97,10 +91,10 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class ColeCole:
-    """Four Cole–Cole relaxations and a static conductivity (Gabriel, Lau and Gabriel 1996).
+    """Cole–Cole relaxations and a static conductivity (Gabriel, Lau and Gabriel 1996).
 
-    eps = eps_inf + sum_n delta_n / (1 + (j w tau_n)^(1 - alpha_n)) + sigma / (j w eps_0). Extrapolating continues
-    the formula.
+    eps = eps_inf + sum_n delta_n / (1 + (j w tau_n)^(1 - alpha_n)) + sigma / (j w eps_0). Extrapolation continues the
+    formula.
     """
 
     eps_inf: float
@@ -124,7 +118,7 @@ class ColeCole:
 
 @dataclass(frozen=True)
 class LossTangent:
-    """Constant eps' and loss tangent. Clamping holds the conductivity of the nearest edge."""
+    """Constant eps' and loss tangent; "clamp" holds the conductivity of the nearest covered frequency."""
 
     real: float
     tangent: float
@@ -137,7 +131,7 @@ class LossTangent:
 
 @dataclass(frozen=True)
 class Conductor:
-    """Constant eps' and conductivity [S/m], the same everywhere."""
+    """Constant eps' and conductivity [S/m]."""
 
     real: float
     sigma: float
@@ -149,7 +143,7 @@ class Conductor:
 
 @dataclass(frozen=True)
 class ComputedPermittivity:
-    """A permittivity that someone else computes, such as a Sionna material of the user's own; defined everywhere."""
+    """Permittivity of a function, such as a user's own Sionna material; defined at any frequency."""
 
     function: Callable[[float], tuple[float, float]]
     """Frequency [Hz] to (eps', sigma [S/m])."""

@@ -1,7 +1,6 @@
-"""Points on facets that are looked at from one place, or from several at once, all on the device.
+"""Visibility of points on facets from one viewpoint, or from several at once, on the device.
 
-Of few rays at a time most of what they take is setting a kernel up: so what is asked of them again and again, where
-between two points a shadow's edge is, is one kernel.
+The bisection for a shadow edge is one kernel: launches dominate the cost of few rays.
 """
 
 from __future__ import annotations
@@ -17,28 +16,27 @@ from rfgen_sionna.scene.kernels import upload
 from rfgen_sionna.scene.ray_layer import loop_mode
 
 SELF_GAP = 1e-5
-"""Relative distance within which a hit counts as the target point itself. float32 resolves 1.2e-7 of the coordinates,
-so a point on a surface is found within a few 1e-7 of its distance, or of its distance from the origin of the scene."""
+"""Relative distance within which a hit counts as the target itself; far above float32's resolution of 1.2e-7."""
 NO_PRIMITIVE = 0xFFFFFFFF
+"""Mitsuba's face index of a ray without a hit."""
 CHUNK = 1 << 21
-"""Rays per launch: 2 million of them take about 200 MB."""
+"""Rays per launch; a ray takes about 100 bytes."""
 
 Nearest = Callable[[Any, Any], tuple[Any, Any]]
-"""Rays and the faces that they go to, to the face that each hits first, `NO_PRIMITIVE` for none, and the distance, all
-on the device."""
+"""Rays and their target facets to the first face of each (`NO_PRIMITIVE` for none) and its distance, on the device."""
 
 
 class PointVisibility:
-    """Points on facets, asked for by the piece that they lie on and their barycentric coordinates there.
+    """Visibility of points, each given by a piece of a facet and barycentric coordinates on it.
 
     Args:
-        nearest: what rays hit first.
-        origin: (3,) [m] of the coordinates that rays have.
-        viewpoint: (3,) [m], or (piece, place, 3): places of its own for each, from all of which points have to be seen.
-        corners: (piece, 3, 3) [m] of the pieces of facets that the points lie on.
-        facets: (piece,) the facet that each is a piece of, which does not hide it.
-        extent: largest coordinate [m] of rays and of what they hit, if it is more than those of points and viewpoint.
-        scenes: how many Mitsuba scenes `nearest` asks.
+        nearest: first hits of rays.
+        origin: (3,) origin of the rays' coordinates [m].
+        viewpoint: (3,) [m], or (piece, place, 3): several viewpoints per piece, all of which must see a point.
+        corners: (piece, 3, 3) corners of the pieces [m].
+        facets: (piece,) facet of each piece, which does not occlude it.
+        extent: bound of the coordinates [m] of rays and hits, where it exceeds those of points and viewpoint.
+        scenes: number of Mitsuba scenes that `nearest` traces.
     """
 
     def __init__(
@@ -60,21 +58,20 @@ class PointVisibility:
         views = np.moveaxis(viewpoint, 1, 0) if own_places else viewpoint[None]
         self._flat = upload(self._double, corners - (views[0][:, None] if own_places else viewpoint))
         self._own = upload(mi.UInt32, facets)
-        # One array for all numbers that may change: each of its own would be one more launch.
+        # One array for all numbers that may change: each array costs a launch.
         shifts = views - origin
         given = upload(self._double, [max(float(np.abs(shifts).max(initial=0.0)), extent), *shifts.ravel()])
         gather: Any = dr.gather
         self._largest = gather(self._double, given, mi.UInt32(0))
         self._given, self._places = given, len(shifts)
-        self._count = dr.opaque(mi.UInt32, len(corners))  # as a number it would be another kernel for each
+        self._count = dr.opaque(mi.UInt32, len(corners))  # a literal would make a kernel for each count
         self._common = None if own_places else [gather(self._double, given, mi.UInt32(1 + i)) for i in range(3)]
 
     def visible(self, of: NDArray[np.intp], places: FloatArray) -> NDArray[np.bool_]:
-        """(ray,) whether points are seen: :meth:`rfgen_sionna.scene.rays.RayScene.occluded`, several times faster for
-        many.
+        """(ray,) whether points are visible.
 
         Args:
-            of: (ray,) the piece that each ray goes to.
+            of: (ray,) piece of each target.
             places: (ray, 3) barycentric coordinates on it.
         """
         found = np.empty(len(of), np.bool_)
@@ -86,13 +83,15 @@ class PointVisibility:
     def edges(
         self, of: NDArray[np.intp], unoccluded: FloatArray, occluded: FloatArray, halvings: ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """(ray, 3) barycentric coordinates of an edge of the shadow between a point that is seen and one that is not,
-        and (ray,) how far it is to what casts it, over the way to it, 0 … 1.
+        """Shadow edges between visible and occluded points, by bisection.
 
         Args:
-            of: (ray,) the piece that both lie on.
-            lit, dark: (ray, 3) of the point that is seen, and of the one that is not.
-            halvings: (ray,) how often what is between them is halved: one ray each.
+            of: (ray,) piece of both points.
+            unoccluded, occluded: (ray, 3) barycentric coordinates of the visible and of the occluded point.
+            halvings: (ray,) or scalar number of bisections, one ray each.
+
+        Returns:
+            (ray, 3) barycentric coordinates of the edge, and (ray,) distance of its occluder over the point's, 0 … 1.
         """
         import drjit as dr
         import mitsuba as mi
@@ -110,8 +109,7 @@ class PointVisibility:
         return found, occluder
 
     def _halved(self, piece: Any, near: list[Any], far: list[Any], count: Any) -> tuple[list[Any], Any]:
-        """Shadow edge between `near`, which is visible, and `far`, after `count` bisections, and the relative distance
-        of its occluder."""
+        """Shadow edge between visible `near` and `far` after `count` bisections, and its occluder's distance share."""
         import drjit as dr
         import mitsuba as mi
 
@@ -137,7 +135,7 @@ class PointVisibility:
         return ~self._occlusion(piece, place)[0]
 
     def _occlusion(self, piece: Any, place: Any) -> tuple[Any, Any]:
-        """Whether something is before points, and at what share of the way to them."""
+        """Whether points are occluded, and the occluder's distance over theirs."""
         import drjit as dr
 
         double = self._double
@@ -165,8 +163,7 @@ class PointVisibility:
         ]
 
     def _before(self, origin: list[Any], offset: list[Any], own: Any) -> tuple[Any, Any]:
-        """Whether something is before points at an `offset` from an `origin`, on the facets `own`, and at what share of
-        the way to them."""
+        """The same from one `origin`, for points at an `offset` from it on the facets `own`."""
         import drjit as dr
         import mitsuba as mi
 
@@ -174,7 +171,7 @@ class PointVisibility:
         reach = dr.sqrt(sum(each * each for each in offset))
         direction = mi.Vector3f(*(mi.Float(each / dr.maximum(reach, 1e-300)) for each in offset))
         ray: Any = mi.Ray3f(mi.Point3f(*(mi.Float(each) for each in origin)), direction)
-        ray.maxt = mi.Float(reach) * 1.001  # what lies behind the point does not matter
+        ray.maxt = mi.Float(reach) * 1.001
         facet, distance = self._nearest(ray, own)
         size = self._largest
         for there, here in zip(offset, origin, strict=True):

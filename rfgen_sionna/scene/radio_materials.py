@@ -1,6 +1,6 @@
-"""Our materials as Sionna's: a `RadioMaterial` that follows the scene's frequency, and retuning of loaded scenes.
+"""Materials of this package as Sionna's radio materials, and retuning of Sionna scenes.
 
-Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.mitsuba_backend.ensure_backend` first.
+:func:`~rfgen_sionna.scene.mitsuba_backend.ensure_backend` must have run.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from rfgen_sionna.scene.scattering import ScatteringPattern
 from rfgen_sionna.scene.scene_errors import MaterialError
 
 PLUGIN = "rfgen-radio-material"
-"""Mitsuba's name for our materials in scene descriptions."""
+"""Mitsuba's plugin name of the materials of this package."""
 PREFIX = "rfgen_"
-"""Prefix of the ids of our materials, as `itu_` is of Sionna's."""
+"""Prefix of the ids of the materials of this package, as `itu_` of Sionna's."""
 
 
 def sionna_material(
@@ -31,13 +31,13 @@ def sionna_material(
     """A `sionna.rt.RadioMaterial` whose permittivity follows `scene.frequency`.
 
     Args:
-        of: a material of ours, or its name.
-        name: what it is called within the Sionna scene; the material's own name where it is not given.
-        thickness: slab thickness [m]; the material's own, else Sionna's default (0.1 m), where it is not given.
-        outside: policy for frequencies not covered, where a name is given.
+        of: a material, or its name in :data:`rfgen_sionna.scene.MATERIALS`.
+        name: name in the Sionna scene; None takes the material's own.
+        thickness: slab thickness [m]; None takes the material's own, else Sionna's default (0.1 m).
+        outside: policy at frequencies that are not covered, for a material given by name.
 
     Raises:
-        MaterialError: unknown name.
+        MaterialError: the name is unknown.
     """
     from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
@@ -56,11 +56,10 @@ def sionna_material(
 
 
 def retune(scene: Any, outside: Outside = "extrapolate") -> None:
-    """Let every ITU material of a `sionna.rt.Scene`, and every one of ours, follow our tables at any frequency.
+    """Give the ITU materials of a `sionna.rt.Scene`, and those of this package, the permittivities of this package.
 
-    Within the ranges of ITU-R P.2040 nothing changes. With "raise" they extrapolate as well: a callback that raised
-    would leave the Sionna scene with the new frequency and half of the old materials, so
-    :meth:`rfgen_sionna.scene.RadarScene.tune` checks beforehand.
+    Within the ranges of ITU-R P.2040 nothing changes. "raise" extrapolates here, since an error in a callback would
+    leave the scene half retuned; :meth:`rfgen_sionna.scene.RadarScene.tune` checks beforehand.
     """
     for radio_material in scene.radio_materials.values():
         kind = _type_of(radio_material)
@@ -70,17 +69,18 @@ def retune(scene: Any, outside: Outside = "extrapolate") -> None:
 
 
 def _type_of(radio_material: Any) -> str:
-    """Name of the table entry behind a Sionna material, empty where it has its own constants."""
+    """Name of the table entry of a Sionna material; empty for a material with its own constants."""
     return str(getattr(radio_material, "itu_type", "") or getattr(radio_material, "rfgen_type", ""))
 
 
 def from_sionna(radio_material: Any, outside: Outside = "extrapolate") -> Material:
-    """The properties of a material of a Sionna scene, with the thickness and roughness it has there.
+    """Material of a Sionna scene, with its thickness and roughness there.
 
-    ITU materials and ours follow our tables; any other `RadioMaterial` keeps its own constants or its own callback.
+    ITU materials and those of this package follow `scene/material_table.py`; any other `RadioMaterial` keeps its
+    constants or its callback.
 
     Raises:
-        MaterialError: it is no `sionna.rt.RadioMaterial` (an absorber, say).
+        MaterialError: `radio_material` is no `sionna.rt.RadioMaterial`.
     """
     import mitsuba as mi
     from sionna.rt import RadioMaterial
@@ -111,18 +111,18 @@ def from_sionna(radio_material: Any, outside: Outside = "extrapolate") -> Materi
 
 @cache
 def register(variant: str) -> None:
-    """Make Mitsuba, in its active `variant`, know :data:`PLUGIN`: our permittivities on Sionna's slab model."""
+    """Register :data:`PLUGIN` in Mitsuba's active `variant`: permittivities of this package in Sionna's slab model."""
     import mitsuba as mi
     from sionna.rt import ITURadioMaterial, RadioMaterial
 
     class RadarMaterial(RadioMaterial):
-        """A `RadioMaterial` whose property `type` names a material of ours."""
+        """A `RadioMaterial` whose property `type` names a material of this package."""
 
         def __init__(self, props: Any) -> None:
             found = material(str(props["type"]), owner=f"material {props.id()!r} of the scene")
             del props["type"]
             if not any(key in props for key in ("color", "reflectance", "base_color")):
-                # Sionna would draw a colour from NumPy's global generator.
+                # Without a colour Sionna draws one from NumPy's global generator.
                 props["color"] = mi.ScalarColor3f(ITURadioMaterial.ITU_MATERIAL_COLORS.get(found.name, (0.6, 0.5, 0.5)))
             self.rfgen_type = found.name
             super().__init__(props=props, frequency_update_callback=_callback(found))
@@ -131,13 +131,11 @@ def register(variant: str) -> None:
 
 
 def use_our_materials(description: str) -> str:
-    """Rewrite a scene description so that its materials follow our tables.
-
-    Sionna's ITU materials are replaced, and those whose id starts with `rfgen_` (or `mat-rfgen_`): what follows names
-    a material of ours, and the constants in them serve readers without this package.
+    """Scene description with the materials of this package in place of ITU materials and of ids `rfgen_NAME` (or
+    `mat-rfgen_NAME`), whose constants serve readers without this package.
 
     Args:
-        description: XML that Sionna's `process_xml` has seen.
+        description: XML after Sionna's `process_xml`.
     """
     root = ElementTree.fromstring(description)
     for bsdf in root.iter("bsdf"):
@@ -167,5 +165,5 @@ def _pair(values: tuple[Any, Any]) -> tuple[float, float]:
 
 
 def _number(value: Any) -> float:
-    """A Dr.Jit scalar, or a number, as a float."""
+    """Float of a Dr.Jit scalar or a number."""
     return float(value[0] if hasattr(value, "__getitem__") else value)

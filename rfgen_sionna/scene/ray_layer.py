@@ -1,7 +1,5 @@
-"""A Mitsuba scene of one mesh whose vertices can move.
-
-Needs a Mitsuba variant: call :func:`rfgen_sionna.scene.mitsuba_backend.ensure_backend` first.
-"""
+"""A Mitsuba scene of one mesh whose vertices can move. :func:`~rfgen_sionna.scene.mitsuba_backend.ensure_backend` must
+have run."""
 
 from __future__ import annotations
 
@@ -21,7 +19,13 @@ MeshArrays: TypeAlias = tuple[FloatArray, IntArray]
 
 
 class MeshLayer:
-    """One Mitsuba scene with a single mesh made of several objects."""
+    """One Mitsuba scene with a single mesh of several objects.
+
+    Args:
+        meshes: vertices [m] and faces of each object.
+        origin: (3,) origin of the float32 coordinates [m].
+        moving: True builds an instance whose vertices :meth:`move` can change.
+    """
 
     def __init__(self, meshes: Sequence[MeshArrays], origin: FloatArray, moving: bool) -> None:
         import mitsuba as mi
@@ -53,12 +57,12 @@ class MeshLayer:
 
     @cached_property
     def _parameters(self) -> Any:
-        """Parameters of the scene; most scenes never move."""
         import mitsuba as mi
 
         return mi.traverse(self.scene)
 
     def move(self, vertices: FloatArray) -> None:
+        """Move all vertices to (vertex, 3) positions [m]."""
         self.vertices = vertices
         with _ONE_THREAD.held():
             self._parameters[_position_key(self._parameters)] = self._shifted()
@@ -72,16 +76,15 @@ class MeshLayer:
 
 @cache
 def _start() -> None:
-    """Let Embree start as many threads as Dr.Jit has: it does with its first scene, and where there is but one then all
-    trees take twice as long."""
+    """Build a first scene with all threads of Dr.Jit: Embree keeps the number of threads of its first scene."""
     import mitsuba as mi
 
     mi.load_dict({"type": "scene", "mesh": {"type": "rectangle"}})
 
 
 def one_scene_per_kernel() -> bool:
-    """Whether a kernel can ask but one scene: OptiX has one table of shaders for each, and rays through a second scene
-    hit nothing, of which no more is heard than a line on the terminal."""
+    """Whether a kernel can trace one scene only. OptiX has one shader table per kernel: rays through a second scene
+    silently hit nothing."""
     import drjit as dr
     import mitsuba as mi
 
@@ -89,7 +92,7 @@ def one_scene_per_kernel() -> bool:
 
 
 def evaluate_hits(*found: Any) -> None:
-    """Compute what rays have `found` in one scene, where the kernel that asks the next can't."""
+    """Evaluate the hits in one scene before the next, where a kernel can trace one scene only."""
     import drjit as dr
 
     if one_scene_per_kernel():
@@ -97,13 +100,12 @@ def evaluate_hits(*found: Any) -> None:
 
 
 def loop_mode(scenes: int) -> Literal["evaluated", "symbolic"]:
-    """Mode of a Dr.Jit loop whose steps trace so many scenes: symbolic (one kernel) where possible."""
+    """Mode of a Dr.Jit loop whose steps trace a number of scenes: symbolic (one kernel) where possible."""
     return "evaluated" if scenes > 1 and one_scene_per_kernel() else "symbolic"
 
 
 def _one_thread() -> Callable[[], None]:
-    """Leave Dr.Jit on the CPU, and Embree with it, one thread, in all of the process; returns what gives the others
-    back."""
+    """Limit Dr.Jit and Embree to one CPU thread in the process; returns the function that undoes it."""
     import drjit as dr
     import mitsuba as mi
 
@@ -115,13 +117,11 @@ def _one_thread() -> Callable[[], None]:
 
 
 _ONE_THREAD = ThreadLimit(_one_thread)
-"""Embree builds the tree of what moves with one thread, however large it is, and takes up to twice as long (on two
-cores) where another waits to help."""
+"""Embree builds the tree of a moving mesh with one thread; waiting helpers slow it down."""
 
 
 def _position_key(parameters: Any) -> str:
-    # Mitsuba 3.9 says vertex_positions; later ones are expected to rename it.
-    for key in map(str, parameters.keys()):
+    for key in map(str, parameters.keys()):  # Mitsuba 3.9: vertex_positions
         if key.split(".")[-1] in ("vertex_positions", "positions"):
             return key
     raise BackendError(f"this Mitsuba names mesh vertices in an unknown way: {list(parameters.keys())}")

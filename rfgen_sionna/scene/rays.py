@@ -1,10 +1,9 @@
-"""Visibility: what a ray hits first among static and moving triangles.
+"""First hits of rays among static and moving triangles.
 
-Static and moving meshes live in two Mitsuba scenes, so that a moving mesh never rebuilds the static one; the moving
-one sits behind an instance, which Embree builds several times faster than a plain mesh. One kernel asks both on the
-CPU; OptiX has one table of shaders for a kernel, so with CUDA there is one for each.
-Coordinates are shifted to a nearby origin before they become float32, distances are computed from the barycentric
-coordinates in float64.
+Static and moving meshes are two Mitsuba scenes: motion never rebuilds the static one. The moving mesh is an instance,
+which Embree builds faster than a plain mesh. The CPU traces both scenes in one kernel, CUDA in one kernel each.
+Coordinates are shifted to a nearby origin before they become float32; distances follow from the barycentric coordinates
+in float64.
 """
 
 from __future__ import annotations
@@ -16,20 +15,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rfgen_sionna._deprecation import Renamed
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.kernels import upload
-from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.scene.mesh import lengths, max_component
 from rfgen_sionna.scene.occluders import Occluders
 from rfgen_sionna.scene.point_visibility import CHUNK, NO_PRIMITIVE, SELF_GAP, PointVisibility
 from rfgen_sionna.scene.ray_layer import MeshArrays, MeshLayer, evaluate_hits
 
 BLIND_GAP = 1e-4
-""":data:`SELF_GAP` for targets whose facet is not known and whose own hit must not count."""
+""":data:`SELF_GAP` of targets without a known facet."""
 
 
 @dataclass(frozen=True)
 class Hits:
-    """First intersections of rays; where a ray hits nothing, distance is infinite and the indices are -1."""
+    """First hits of rays. A ray without a hit has an infinite distance and indices of -1."""
 
     distance: FloatArray
     """(ray,) [m]."""
@@ -43,33 +43,33 @@ class Hits:
     """(ray, 3) weights of the face's corners, in its own order; NaN where nothing is hit."""
 
     def take(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Hits:
-        """Those of some rays."""
+        """Hits of a subset of the rays."""
         return Hits(
             self.distance[index], self.object[index], self.face[index], self.facet[index], self.barycentric[index]
         )
 
 
 class RayScene:
-    """Static and moving triangle meshes that rays are sent through.
+    """Static and moving triangle meshes for ray tracing.
 
-    Faces are hit from both sides. Objects are numbered static ones first, then moving ones; a *facet* is a face
-    numbered through all objects, `facet_offsets[object] + face`.
+    Rays hit faces from both sides. Static objects come first, then moving ones. A *facet* is a face numbered through
+    all objects: `facet_offsets[object] + face`.
 
     Args:
-        static: (vertices (vertex, 3) [m], faces (face, 3)) of each object that stays; may be empty.
-        moving: the same of each object that moves, at its first place; may be empty.
-        origin: (3,) [m] point near which float32 is to resolve best, such as the radar; the centre of the first
-            moving object, else of the static ones, where it is not given.
+        static: vertices (vertex, 3) [m] and faces (face, 3) of each static object; may be empty.
+        moving: vertices at the first time and faces of each moving object; may be empty.
+        origin: (3,) point of the best float32 resolution [m], such as the radar; None takes the centre of the first
+            moving object, else of the static ones.
 
     Raises:
-        ValueError: an array of a wrong shape or with NaN in it.
-        BackendError: Mitsuba cannot run here.
+        ValueError: an array has a wrong shape or NaN.
+        BackendError: Mitsuba cannot run.
     """
 
     def __init__(
         self, static: Sequence[MeshArrays], moving: Sequence[MeshArrays] = (), origin: ArrayLike | None = None
     ) -> None:
-        from rfgen_sionna.scene.mitsuba_backend import ensure_backend  # here, so that `python -m …backend` runs it once
+        from rfgen_sionna.scene.mitsuba_backend import ensure_backend  # at run time: it is also a __main__
 
         ensure_backend()
         import drjit as dr
@@ -96,10 +96,10 @@ class RayScene:
         return int(self.facet_offsets[-1])
 
     def update(self, vertices: Sequence[FloatArray]) -> None:
-        """Move the moving objects to `vertices`, one (vertex, 3) array [m] per object, in the order given.
+        """Move the moving objects to `vertices`, one (vertex, 3) array [m] per object.
 
         Raises:
-            ValueError: another number of objects or vertices than at construction, or NaN in them.
+            ValueError: the numbers of objects or vertices changed, or a coordinate is NaN.
         """
         expected = self._moving.counts if self._moving else []
         if [len(v) for v in vertices] != expected:
@@ -115,19 +115,20 @@ class RayScene:
 
         Args:
             origins: (ray, 3) or (3,) [m].
-            directions: (ray, 3) of any length above zero.
+            directions: (ray, 3), any length above zero.
+
+        Raises:
+            ValueError: an array has a wrong shape or NaN, or a direction has length zero.
         """
-        d = _check_points(directions, "directions")
-        o = np.broadcast_to(_check_points(np.atleast_2d(origins), "origins"), d.shape)
+        o, d = _pairs(origins, directions, "directions")
         length = lengths(d)[:, None]
         if (length == 0.0).any():
             raise ValueError(f"directions: ray {int(np.argmin(length))} has length zero")
         return self._trace(o, d / length)
 
     def first_facet(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.int64]:
-        """(ray,) the facet that each ray hits first, -1 where there is none; the arguments of :meth:`first_hit`."""
-        d = _check_points(directions, "directions")
-        o = np.broadcast_to(_check_points(np.atleast_2d(origins), "origins"), d.shape)
+        """(ray,) facet that each ray hits first, -1 for none; arguments of :meth:`first_hit`."""
+        o, d = _pairs(origins, directions, "directions")
         return self._trace_raw(o, d / np.maximum(lengths(d), 1e-300)[:, None])[0]
 
     def occluded(
@@ -137,21 +138,20 @@ class RayScene:
         facets: ArrayLike | None = None,
         source_facets: ArrayLike | None = None,
     ) -> NDArray[np.bool_]:
-        """(ray,) whether anything stands between each origin and its target.
+        """(ray,) whether a surface lies between each origin and its target.
 
-        The facet a target lies on never hides its own point, neither does what lies within `SELF_GAP` of the
-        distance in front of it.
+        The target's own facet does not occlude it, nor does a hit within `SELF_GAP` of the distance before it.
 
         Args:
             origins: (ray, 3) or (3,) [m].
             targets: (ray, 3) [m].
-            facets: (ray,) the facet that each target lies on. Where it is not given, whatever lies within
-                `BLIND_GAP` of the distance in front of a target is taken for its own surface.
-            source_facets: (ray,) the facet that each origin lies on, where the rays start on a surface; it never
-                hides.
+            facets: (ray,) facet of each target; None takes hits within `BLIND_GAP` for the target's own surface.
+            source_facets: (ray,) facet of each origin, which does not occlude; None for origins in free space.
+
+        Raises:
+            ValueError: an array has a wrong shape or NaN, a facet does not exist, or a target lies at its origin.
         """
-        p = _check_points(targets, "targets")
-        o = np.broadcast_to(_check_points(np.atleast_2d(origins), "origins"), p.shape)
+        o, p = _pairs(origins, targets, "targets")
         own = _check_facets(facets, len(p), self.num_facets, "facets")
         left = _check_facets(source_facets, len(p), self.num_facets, "source_facets")
         span = p - o
@@ -161,13 +161,12 @@ class RayScene:
         direction = span / reach[:, None]
         skip = np.zeros_like(reach)
         if left is not None:
-            # Start a little above the surface left behind; its own facet is excluded by its number as well.
-            skip = BLIND_GAP * reach
+            skip = BLIND_GAP * reach  # start above the origin's surface
             o = o + skip[:, None] * direction
         facet, distance = self._trace_raw(o, direction)
         allowed = 1.0 - (BLIND_GAP if own is None else SELF_GAP)
-        # Rounding of the shifted coordinates grows with the distance from the origin of the scene.
-        noise = 1e-6 * np.maximum(_largest(p - self.origin), _largest(o - self.origin))
+        # Rounding of the shifted coordinates grows with the distance from the scene's origin.
+        noise = 1e-6 * np.maximum(max_component(np.abs(p - self.origin)), max_component(np.abs(o - self.origin)))
         blocked = (facet >= 0) & (distance + skip < np.minimum(allowed * reach, reach - noise))
         if own is not None:
             blocked &= facet != own
@@ -203,7 +202,7 @@ class RayScene:
         return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
     def corners(self, facets: NDArray[np.int64]) -> FloatArray:
-        """(facet, corner, 3) positions [m] of the corners of facets, as the objects stand now."""
+        """(facet, corner, 3) present positions of the corners of facets [m]."""
         out = np.empty((len(facets), 3, 3))
         moving = facets >= self._num_static
         for layer, chosen, offset in ((self._static, ~moving, 0), (self._moving, moving, self._num_static)):
@@ -212,7 +211,7 @@ class RayScene:
         return out
 
     def _launch(self, origins: FloatArray, directions: FloatArray, uv: bool) -> tuple[NDArray[Any], ...]:
-        """Facet (int64, -1 for none), distance, and barycentric u and v of one chunk, float64."""
+        """Facet (int64, -1 for none), distance and, with `uv`, barycentric u and v of one chunk (float64)."""
         import drjit as dr
         import mitsuba as mi
 
@@ -221,14 +220,13 @@ class RayScene:
         facet, distance, weights = self._nearest(ray, len(origins))
         outputs: list[Any] = [facet, distance, *(weights if uv else [])]
         dr.eval(*outputs)
-        # Dr.Jit's arrays share their memory with NumPy on the CPU: converting the type copies it.
-        index = outputs[0].numpy().astype(np.int64)
+        index = outputs[0].numpy().astype(np.int64)  # a copy: on the CPU NumPy shares Dr.Jit's memory
         index[index == NO_PRIMITIVE] = -1
         return (index, *(value.numpy().astype(np.float64) for value in outputs[1:]))
 
     @property
     def moving_faces(self) -> NDArray[np.uint32]:
-        """(face, 3) of all moving objects, which count their vertices one after the other."""
+        """(face, 3) of all moving objects, indices into their concatenated vertices."""
         return np.zeros((0, 3), np.uint32) if self._moving is None else self._moving.faces
 
     def occluders(
@@ -238,14 +236,13 @@ class RayScene:
         candidates: Sequence[NDArray[np.intp]],
         corners: FloatArray | None = None,
     ) -> Occluders:
-        """Occluders of facets as seen from a viewpoint at several times. `vertices` are those of the moving objects, as
-        :meth:`update` takes them, for every time.
+        """Occluders of facets from one viewpoint at several times.
 
         Args:
             viewpoint: (3,) [m].
-            vertices: of every time, (vertex, 3) [m] of each moving object.
-            hiding: of every time, which of the :attr:`moving_faces` may come before the facets.
-            corners: (time, facet, 3, 3) [m] of the facets that are looked at; None is some of the moving faces.
+            vertices: per time, (vertex, 3) [m] of each moving object.
+            candidates: per time, indices of the :attr:`moving_faces` that may occlude.
+            corners: (time, facet, 3, 3) corners of the target facets [m]; None for targets on the moving faces.
         """
 
         def static(ray: Any, count: int, bundled: bool) -> tuple[Any, Any]:
@@ -257,18 +254,20 @@ class RayScene:
             static, self.origin, self.moving_faces, self._num_static, viewpoint, placed, candidates, points
         )
 
+    looks = Renamed("occluders")
+
     def _nearest(
         self, ray: Any, count: int, static: bool = True, moving: bool = True, bundled: bool = False
     ) -> tuple[Any, Any, list[Any]]:
-        """Facet, distance and barycentric u and v of the first hits of `count` rays on objects that stay and on such
-        that move, as Dr.Jit arrays. What is `bundled`, neighbours side by side, is traced in packets."""
+        """Facet, distance and barycentric u and v of the first hits of `count` rays, on the device. `bundled` rays,
+        with neighbours side by side, are traced in packets."""
         import drjit as dr
         import mitsuba as mi
 
         facet = dr.full(mi.UInt32, NO_PRIMITIVE, count)
         distance = dr.full(mi.Float, dr.inf, count)
         weights = [dr.zeros(mi.Float, count), dr.zeros(mi.Float, count)]
-        for number, (layer, first) in enumerate(self._asked(static, moving)):
+        for number, (layer, first) in enumerate(self._layers(static, moving)):
             if number:
                 evaluate_hits(facet, distance, *weights)
             found = layer.scene.ray_intersect_preliminary(ray, coherent=bundled)
@@ -278,8 +277,8 @@ class RayScene:
             weights = [dr.select(nearer, found.prim_uv[i], weights[i]) for i in (0, 1)]
         return facet, distance, weights
 
-    def _asked(self, static: bool, moving: bool) -> list[tuple[MeshLayer, Any]]:
-        """Scenes that are there, of those wanted, and the number of the first facet of each."""
+    def _layers(self, static: bool, moving: bool) -> list[tuple[MeshLayer, Any]]:
+        """The existing ones of the wanted scenes, each with the index of its first facet."""
         layers = zip((self._static, self._moving), self._first, (static, moving), strict=True)
         return [(layer, first) for layer, first, wanted in layers if layer is not None and wanted]
 
@@ -291,24 +290,21 @@ class RayScene:
         moving: bool = False,
         bundled: bool = False,
     ) -> PointVisibility:
-        """Points on facets that are to be looked at from one place, as the objects stand now.
+        """Visibility of points on facets at the present positions of the objects.
 
         Args:
-            viewpoint: (3,) [m], or (piece, place, 3): places of its own for each, from all of which points have to be
-                seen.
-            corners: (piece, 3, 3) [m] of the pieces of facets that the points lie on.
-            facets: (piece,) the facet that each is a piece of, which does not hide it.
-            moving: whether nothing but moving objects hides.
-            bundled: whether they are many on each piece, one after the other: in packets such rays take a third to two
-                thirds of the time, and others more than twice as long.
+            viewpoint: (3,) [m], or (piece, place, 3): several viewpoints per piece, all of which must see a point.
+            corners: (piece, 3, 3) corners of the pieces of facets [m].
+            facets: (piece,) facet of each piece, which does not occlude it.
+            moving: True lets only moving objects occlude.
+            bundled: True traces rays in packets: faster for many successive points per piece, slower for others.
         """
 
         def nearest(ray: Any, own: Any) -> tuple[Any, Any]:
             return self._nearest(ray, len(own), static=not moving, bundled=bundled)[:2]
 
-        return PointVisibility(
-            nearest, self.origin, viewpoint, corners, facets, scenes=len(self._asked(not moving, True))
-        )
+        scenes = len(self._layers(not moving, True))
+        return PointVisibility(nearest, self.origin, viewpoint, corners, facets, scenes=scenes)
 
 
 def _chunks(*arrays: FloatArray) -> Iterator[tuple[FloatArray, ...]]:
@@ -316,10 +312,10 @@ def _chunks(*arrays: FloatArray) -> Iterator[tuple[FloatArray, ...]]:
         yield tuple(a[start : start + CHUNK] for a in arrays)
 
 
-def _largest(points: FloatArray) -> FloatArray:
-    """(point,) largest absolute coordinate; several times faster than `max(axis=1)`."""
-    x, y, z = np.abs(points).T
-    return np.asarray(np.maximum(np.maximum(x, y), z))
+def _pairs(origins: ArrayLike, ends: ArrayLike, what: str) -> tuple[FloatArray, FloatArray]:
+    """Checked origins and `ends`, both (ray, 3)."""
+    checked = _check_points(ends, what)
+    return np.broadcast_to(_check_points(np.atleast_2d(origins), "origins"), checked.shape), checked
 
 
 def _choose_origin(static: Sequence[MeshArrays], moving: Sequence[MeshArrays]) -> FloatArray:

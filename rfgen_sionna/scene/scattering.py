@@ -1,7 +1,7 @@
-"""Diffuse reflection patterns of rough surfaces, those of Sionna, evaluated in NumPy.
+"""Diffuse scattering patterns of rough surfaces, as of `sionna.rt.scattering_pattern_registry`, in NumPy.
 
 Source: V. Degli-Esposti et al., "Measurement and modelling of scattering from buildings", IEEE Trans. Antennas Propag.
-55 (2007) 143; the definitions are those of `sionna.rt.scattering_pattern_registry`.
+55 (2007) 143.
 """
 
 from __future__ import annotations
@@ -21,15 +21,19 @@ Kind = Literal["lambertian", "directive", "backscattering"]
 
 @dataclass(frozen=True)
 class ScatteringPattern:
-    """Share of the diffusely reflected energy per solid angle [1/sr]; over the hemisphere it adds up to 1."""
+    """Share of the diffuse energy per solid angle [1/sr]; its integral over the hemisphere is 1.
+
+    Raises:
+        MaterialError: a field is out of range.
+    """
 
     kind: Kind = "lambertian"
     alpha_r: int = 1
-    """Exponent of the lobe about the specular direction ("directive", "backscattering")."""
+    """Exponent of the specular lobe, 1 … 200 ("directive", "backscattering")."""
     alpha_i: int = 1
-    """Exponent of the lobe towards the source ("backscattering")."""
+    """Exponent of the lobe towards the source, 1 … 200 ("backscattering")."""
     lambda_: float = 1.0
-    """Share of the energy in the lobe about the specular direction, 0 … 1 ("backscattering")."""
+    """Share of the energy in the specular lobe, 0 … 1 ("backscattering")."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.kind, str) or self.kind not in get_args(Kind):
@@ -42,8 +46,8 @@ class ScatteringPattern:
             raise MaterialError(f"lambda_: {self.lambda_!r} given, allowed are 0 … 1")
 
     def __call__(self, k_in: FloatArray, k_out: FloatArray, normal: FloatArray) -> FloatArray:
-        """(...) per solid angle for unit vectors (..., 3): along which the wave comes and leaves, and the surface's
-        normal on the side that the wave comes from."""
+        """(...) share per solid angle [1/sr] for unit vectors (..., 3): directions of the incident and the scattered
+        wave, and the normal on the incident side."""
 
         def dot(a: FloatArray, b: FloatArray) -> FloatArray:
             return np.asarray((a * b).sum(axis=-1))
@@ -70,10 +74,10 @@ class ScatteringPattern:
 
     @classmethod
     def from_sionna(cls, pattern: Any) -> ScatteringPattern:
-        """The same pattern as one of Sionna's.
+        """The equivalent of a Sionna pattern.
 
         Raises:
-            MaterialError: a pattern of the user's own.
+            MaterialError: `pattern` is none of Sionna's own.
         """
         from sionna.rt.radio_materials.scattering_pattern import (
             BackscatteringPattern,
@@ -83,23 +87,22 @@ class ScatteringPattern:
 
         if isinstance(pattern, LambertianPattern):
             return cls()
-        if isinstance(pattern, DirectivePattern):  # is a BackscatteringPattern, too
+        if isinstance(pattern, DirectivePattern):  # a subclass of BackscatteringPattern
             return cls("directive", alpha_r=int(pattern.alpha_r))
         if isinstance(pattern, BackscatteringPattern):
             share = pattern.lambda_
             share = float(share[0] if hasattr(share, "__getitem__") else share)
             return cls("backscattering", int(pattern.alpha_r), int(pattern.alpha_i), share)
-        raise MaterialError(
-            f"scattering pattern {type(pattern).__name__} is not known: lambertian, directive and backscattering are"
-        )
+        allowed = ", ".join(get_args(Kind))
+        raise MaterialError(f"scattering pattern: {type(pattern).__name__} given, allowed are {allowed}")
 
 
 LAMBERTIAN = ScatteringPattern()
 
 
 def _lobe_energy(alpha: int, cos_in: FloatArray) -> FloatArray:
-    """Integral over the hemisphere of ((1 + cos psi) / 2)^alpha, psi being the angle to a direction whose angle to the
-    normal has the cosine `cos_in`."""
+    """Integral over the hemisphere of ((1 + cos psi) / 2)^alpha; psi is the angle to a direction at arccos(`cos_in`)
+    from the normal."""
     sin2 = np.maximum(1.0 - cos_in**2, 0.0)
     total, k = np.zeros_like(cos_in), np.zeros_like(cos_in)
     for j in range(alpha + 1):

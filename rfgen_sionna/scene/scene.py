@@ -1,4 +1,4 @@
-"""Static surroundings: a Sionna scene ready for radar frequencies, and its meshes as arrays."""
+"""Static surroundings: a Sionna scene at radar frequencies, its meshes as arrays, the free space of a room."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rfgen_sionna.scene.scene_errors import MaterialError, SceneError
 
 @dataclass(frozen=True)
 class Interior:
-    """Free space of a scene that is a room: a union of boxes, with low and high corners (box, 3) [m]."""
+    """Free space of a room: a union of boxes with low and high corners (box, 3) [m]."""
 
     low: FloatArray
     high: FloatArray
@@ -39,12 +39,12 @@ class Interior:
 
 
 def read_interior(path: Path) -> Interior:
-    """The interior of a scene from a TOML file: tables `[[interior]]` with `low` and `high` corners [m].
+    """Interior of a scene from a TOML file of tables `[[interior]]` with `low` and `high` corners [m].
 
     Raises
     ------
     SceneError
-        The file holds anything else, or a box without volume.
+        The file has anything else, or a box without volume.
     """
     wanted = "tables [[interior]] with low = [x, y, z] and high = [x, y, z], low below high, and nothing else"
     try:
@@ -54,22 +54,22 @@ def read_interior(path: Path) -> Interior:
         low, high = (np.array([box[end] for box in held["interior"]], np.float64) for end in ("low", "high"))
         if low.shape[1:] != (3,) or high.shape != low.shape or not (low < high).all():
             raise ValueError(f"low is {low.tolist()} and high {high.tolist()}")
-    except (ValueError, TypeError) as error:  # those of TOML and Unicode are ValueErrors too
+    except (ValueError, TypeError) as error:  # errors of TOML and Unicode are ValueErrors
         raise SceneError(f"scene description {path.name!r}: {error}; allowed are {wanted}") from error
     return Interior(low, high)
 
 
 @dataclass(frozen=True, eq=False)
 class StaticObject:
-    """A mesh of the scene that stays where it is. Its surface counts from both sides, as Sionna's do."""
+    """A static mesh of the scene, with two-sided surfaces as in Sionna."""
 
     name: str
     properties: Material
-    """The material, with the thickness and the scattering coefficient that it has in this scene."""
+    """Material with its thickness and scattering coefficient in this scene."""
     vertices: FloatArray
-    """(vertex, 3) world positions [m], of vertices that faces use."""
+    """(vertex, 3) world positions of the used vertices [m]."""
     faces: IntArray
-    """(face, 3) vertex indices; faces without area are left out."""
+    """(face, 3) vertex indices of the faces with an area."""
 
     @property
     def material(self) -> str:
@@ -78,9 +78,9 @@ class StaticObject:
 
 
 class RadarScene:
-    """The static surroundings: a Sionna scene ready for radar frequencies, and its meshes as arrays.
+    """Static surroundings of :func:`~rfgen_sionna.scene.load.load_scene`: a Sionna scene, and its meshes as arrays.
 
-    Made by :func:`load_scene`. Mitsuba starts when `objects` or `sionna` is first read.
+    Mitsuba starts with the first access to `objects` or `sionna`.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class RadarScene:
         self.name = name
         self.path = path
         self.frequency = frequency
-        """Carrier frequency [Hz] that the Sionna scene is set to; None leaves what the Sionna scene has."""
+        """Carrier frequency of the Sionna scene [Hz]; None leaves its own."""
         self.outside: Outside = outside
         self._given = scene
         self._unfollowed: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
@@ -107,22 +107,22 @@ class RadarScene:
         """Whether there are no surroundings."""
         if self.path is not None or self._given is not None:
             return False
-        read = self.__dict__.get("sionna")  # whoever has it may have added objects
+        read = self.__dict__.get("sionna")  # a user may have added objects
         return read is None or not read.objects
 
     @cached_property
     def interior(self) -> Interior | None:
-        """Free space of a scene that is a room, from the `.toml` file beside the scene's; None without such a file.
+        """Free space of a room, from the scene file's `.toml` sibling; None without such a file.
 
         Raises:
             SceneError: the file cannot be used.
         """
-        beside = None if self.path is None else self.path.with_suffix(".toml")
-        return None if beside is None or not beside.is_file() else read_interior(beside)
+        file = None if self.path is None else self.path.with_suffix(".toml")
+        return None if file is None or not file.is_file() else read_interior(file)
 
     @cached_property
     def sionna(self) -> Any:
-        """The `sionna.rt.Scene`, whose materials follow our tables.
+        """The `sionna.rt.Scene`, with the permittivities of this package.
 
         Raises:
             SceneError: the file cannot be read as a scene.
@@ -148,9 +148,8 @@ class RadarScene:
 
     @cached_property
     def objects(self) -> tuple[StaticObject, ...]:
-        """The static meshes, as the Sionna scene has them when this is read or :meth:`tune` is called. Sionna's sensing
-        targets are left out, and objects stay where they are whatever velocity they have there:
-        :meth:`warn_unfollowed`.
+        """Static meshes of the Sionna scene at the first access or the last :meth:`tune`. Sensing targets and
+        velocities are ignored (:meth:`warn_unfollowed`).
 
         Raises:
             SceneError: the file cannot be read as a scene.
@@ -184,7 +183,7 @@ class RadarScene:
         return tuple(found)
 
     def warn_unfollowed(self) -> None:
-        """Warn of what the Sionna scene has and `objects` have not: sensing targets, and velocities."""
+        """Warn of sensing targets and velocities in the Sionna scene, which `objects` ignore."""
         targets, moving = self._unfollowed
         if targets:
             warnings.warn(
@@ -199,12 +198,12 @@ class RadarScene:
             )
 
     def tune(self, frequency: float) -> None:
-        """Set the carrier frequency [Hz] of the Sionna scene, with one warning for what our sources do not cover, and
-        read its objects again: whoever has it may have moved them.
+        """Set the carrier frequency [Hz] of the Sionna scene, read its objects again, and warn once of materials that
+        are not covered.
 
         Raises:
             ValueError: the frequency is not positive.
-            SceneError: there are sensing targets in the scene, with which Sionna cannot change its frequency.
+            SceneError: the scene has sensing targets, with which Sionna cannot change the frequency.
             MaterialError: the policy is "raise" and a material is not covered.
         """
         if not (np.isfinite(frequency) and frequency > 0.0):
@@ -242,10 +241,7 @@ class RadarScene:
 
 
 def _read(path: Path, variant: str) -> Any:
-    """Sionna's `load_scene` with our materials in place of its own, and every object under its own name.
-
-    Sionna evaluates each material at 3.5 GHz while it loads, where some of them are not defined.
-    """
+    """Sionna's `load_scene` with the materials of this package, unmerged shapes, and no evaluation at 3.5 GHz."""
     import mitsuba
     import sionna.rt
     from sionna.rt.scene_utils import process_xml
@@ -253,7 +249,7 @@ def _read(path: Path, variant: str) -> Any:
     from rfgen_sionna.scene.radio_materials import register, use_our_materials
 
     register(variant)
-    mi: Any = mitsuba  # its type stubs leave these three functions untyped
+    mi: Any = mitsuba  # untyped functions
     before = mi.file_resolver()
     resolver = mi.FileResolver(before)
     resolver.append(str(path.parent))
@@ -270,7 +266,7 @@ def _read(path: Path, variant: str) -> Any:
 
 
 def _arrays(mesh: Any) -> tuple[FloatArray, IntArray]:
-    # Copies: Dr.Jit's arrays share their memory with NumPy on the CPU.
+    # Copies: on the CPU NumPy shares Dr.Jit's memory.
     vertices = np.array(mesh.vertex_positions_buffer(), np.float64).reshape(-1, 3)
     faces = np.array(mesh.faces_buffer(), np.int32).reshape(-1, 3)
     area = np.linalg.norm(face_normals(vertices, faces), axis=1)

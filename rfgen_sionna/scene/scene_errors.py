@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class SceneError(ValueError):
-    """A scene cannot be found or read, or does not fit the radar that is put into it."""
+    """A scene is not found, cannot be read, or does not fit its radar."""
 
 
 class MeshError(ValueError):
@@ -12,16 +12,16 @@ class MeshError(ValueError):
 
 
 class MaterialError(ValueError):
-    """A material is unknown, or not defined where it is asked for."""
+    """A material is unknown, or not defined at a frequency."""
 
 
 class MaterialRangeWarning(UserWarning):
-    """A material is used outside the frequencies that its source covers."""
+    """A material is used at a frequency outside the range of its source."""
 
 
 class CoarseMeshWarning(UserWarning):
-    """The facets of a mesh are too large for the smooth surface that they describe."""
+    """The faces of a mesh are too large for the smooth surface that they sample."""
 
 
 class BackendError(RuntimeError):
-    """The ray tracing back end (Mitsuba, Dr.Jit and, on the CPU, LLVM) cannot run here."""
+    """The ray-tracing back end (Mitsuba, Dr.Jit and, on the CPU, LLVM) cannot run."""

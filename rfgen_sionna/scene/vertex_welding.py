@@ -1,7 +1,4 @@
-"""Seams of meshes: vertices that a file gives twice, as both sides have other texture coordinates or normals there.
-
-The surface goes on over a seam, and what is smooth is smooth there too.
-"""
+"""Welding of seams: vertices that a file stores twice for texture coordinates or normals of both sides."""
 
 from __future__ import annotations
 
@@ -18,23 +15,21 @@ from scipy.spatial import cKDTree
 from rfgen_sionna._types import FloatArray, IntArray
 
 NEAR = 1e-6
-"""Vertices no further apart than this share of the extent, along any axis, are at the same place: what turns a mesh in
-single precision costs digits."""
+"""Largest distance along any axis between vertices at one place, over the extent: rounding of single precision."""
 
 
 def weld_vertices(faces: IntArray, shapes: Iterable[FloatArray]) -> IntArray:
-    """(face, 3) the faces, with one number for vertices of rims that are at the same place in all `shapes`.
+    """(face, 3) faces in which boundary vertices at the same place in all `shapes` have one index.
 
-    Left as they are where sewing would make no surface of them: where more than two faces would meet at an edge, or
-    neighbours would look to opposite sides or lie on one another, as both sides of a sheet do, or a face would lose its
-    area.
+    Vertices stay apart where welding would join more than two faces at an edge, neighbours of opposite orientation, two
+    coincident faces (the sides of a sheet), or remove the area of a face.
 
     Parameters
     ----------
     faces
         (face, 3) vertex indices.
     shapes
-        (vertex, 3) positions [m], one array of each time that tells; asked for only where there are rims.
+        (vertex, 3) positions [m] at several times; read only for meshes with a boundary.
     """
     count = int(faces.max()) + 1
     edges = _Edges.of(faces, count)
@@ -66,15 +61,15 @@ class _Edges:
     """The edges of a mesh."""
 
     key: NDArray[np.int64]
-    """(edge,) the lower vertex times `count` plus the higher."""
+    """(edge,) lower vertex times `count` plus the higher."""
     number: NDArray[np.intp]
-    """(face side,) edge of each."""
+    """(face side,) index of its edge."""
     uses: NDArray[np.intp]
-    """(edge,) faces there."""
+    """(edge,) number of faces."""
     balance: NDArray[np.intp]
-    """(edge,) how many more of them run through it upwards than downwards."""
+    """(edge,) number of faces that run through it upwards, minus those downwards."""
     count: int
-    """Vertices."""
+    """Number of vertices."""
 
     @staticmethod
     def of(faces: NDArray[np.integer[Any]], count: int) -> _Edges:
@@ -90,7 +85,7 @@ class _Edges:
         return np.unique(np.concatenate([some // self.count, some % self.count]))
 
     def coincident(self, corners: FloatArray, near: float) -> NDArray[np.bool_]:
-        """(edge,) whether its two faces, of `corners` (face, 3, 3) [m], lie on one another."""
+        """(edge,) whether its two faces, of `corners` (face, 3, 3) [m], coincide."""
         side = np.argsort(self.number, kind="stable")
         side = side[self.uses[self.number[side]] == 2]
         apex = corners.reshape(-1, 3)[side // 3 * 3 + (side + 2) % 3].reshape(-1, 2, 3)

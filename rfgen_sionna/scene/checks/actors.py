@@ -1,4 +1,4 @@
-"""Checks of the actors' places before a run: range window, passage by the radar, collisions, occlusion."""
+"""Checks of the actors before a run: range window, passage by the radar, collisions, occlusion."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ if TYPE_CHECKING:
 Policy: TypeAlias = Literal["error", "warn", "ignore"]
 POLICIES = ("error", "warn", "ignore")
 CHECK_STEP = 0.05
-"""Time [s] between the instants of a run at which the actors' places are checked."""
+"""Time between checks of the actors' positions [s]: limbs move by less than 0.5 m."""
 MIN_CHECK_STEP = 1e-4
-"""Shortest such time where an actor passes the radar [s]."""
-OCCLUSION_INSTANTS = 9
-"""Instants of a run at which occlusion is tested."""
+"""Shortest time between checks of an actor that passes the radar [s]; ends the bisection."""
+OCCLUSION_TIMES = 9
+"""Times of a run at which occlusion is tested; a warning needs no more."""
 OCCLUSION_POINTS = 64
-"""Vertices of an actor that are tested, at least."""
+"""Least number of an actor's vertices for its occluded share, to about 2 %."""
 MUCH_OCCLUDED = 0.35
 """Largest occluded share of an actor without a warning: legs behind a table."""
 
 
 def check_places(radar: Radar, actors: Sequence[Obstacle], start: float, stop: float) -> None:
-    """Make sure that every actor keeps within the range window, and none of them comes around the radar or through it.
-
-    `actors` are as seen by a radar that stays at its place.
+    """Check that actors, in the frame of a radar at rest, stay in the range window and off the radar.
 
     Raises
     ------
     ValueError
-        Naming the actor, the time and what is allowed.
+        An actor leaves the range window, or has vertices that are not finite.
+    SceneError
+        An actor comes around the radar or through it.
     """
     for actor in actors:
         steps = max(1, math.ceil((stop - start) / CHECK_STEP))
@@ -57,7 +57,7 @@ def check_places(radar: Radar, actors: Sequence[Obstacle], start: float, stop: f
 
 
 def warn_frozen(actors: Sequence[MeshActor], start: float, stop: float, stacklevel: int) -> None:
-    """Actors hold their first and last pose outside of their motion: a stop that nobody meant, most often."""
+    """Warn of actors whose motion does not cover the run: they hold their first or last pose."""
     for actor in actors:
         if np.isfinite(actor.duration) and (start < -1e-9 or stop > actor.duration + 1e-9):
             warnings.warn(
@@ -76,20 +76,20 @@ def check_collisions(
     policy: Policy,
     stacklevel: int,
 ) -> None:
-    """Make sure that no actor goes through a surface of the scene from `start` to `stop` [s].
+    """Check that no actor goes through a surface of the scene from `start` to `stop` [s].
 
-    Contact down to :data:`~rfgen_sionna.scene.checks.collision.CONTACT` is allowed. Deeper places are warned of; from
-    :data:`~rfgen_sionna.scene.checks.collision.ALLOWED` on they are an error unless `policy` is "warn".
+    Depths above :data:`~rfgen_sionna.scene.checks.collision.CONTACT` warn; with `policy` "error" depths above
+    :data:`~rfgen_sionna.scene.checks.collision.ALLOWED` are errors.
 
     Raises
     ------
     SceneError
-        Naming the actor, the object, time and place, and what to do.
+        At the first such depth, with actor, object, time, place and cure.
     """
     if policy == "ignore" or rays is None:
         return
     for actor in actors:
-        found = CollisionFinder(scene, rays, actor).find(start, stop)
+        found = CollisionFinder(scene.objects, rays, actor).find(start, stop)
         remedy = "Place the actor elsewhere or at another distance, let it move less"
         report_collisions(found, policy, remedy, stacklevel + 1)
 
@@ -98,15 +98,15 @@ class Occluder(Protocol):
     """Surfaces, or an image of surroundings, that may occlude an actor."""
 
     def occluded(self, origins: FloatArray, targets: FloatArray, /) -> NDArray[np.bool_] | FloatArray:
-        """(target,) whether it stands between an origin (3,) and each target (target, 3) [m], or how much, 0 … 1."""
+        """(target,) occlusion of targets (target, 3) [m] from an origin (3,) [m], as a bool or a share 0 … 1."""
         ...
 
 
 def is_occluded(radar: Radar, occluder: Occluder | None, actor: Obstacle, start: float, stop: float) -> bool:
-    """Whether `occluder` occludes all of an actor from the radar at every instant tried from `start` to `stop` [s]."""
+    """Whether `occluder` occludes all of an actor at all tested times from `start` to `stop` [s]."""
     if occluder is None:
         return False
-    return all(_occluded_share(radar, occluder, actor, t) == 1.0 for t in _instants(start, stop))
+    return all(_occluded_share(radar, occluder, actor, t) == 1.0 for t in _test_times(start, stop))
 
 
 def warn_occluded(
@@ -120,36 +120,36 @@ def warn_occluded(
     much: bool,
     stacklevel: int,
 ) -> None:
-    """Warn of actors that `occluder`, called `what`, occludes at all instants tried or, where `much` is set, by more
-    than :data:`MUCH_OCCLUDED` at one of them."""
+    """Warn of actors that `occluder`, called `what`, occludes at all tested times; with `much`, also of those that it
+    occludes by more than :data:`MUCH_OCCLUDED` at one of them."""
     for actor in actors:
         if is_occluded(radar, occluder, actor, start, stop):
-            told = f"is behind the {what} all along: the radar receives nothing of it"
+            text = f"is behind the {what} all along: the radar receives nothing of it"
         elif much:
-            share, t = max((_occluded_share(radar, occluder, actor, t), -t) for t in _instants(start, stop))
+            share, t = max((_occluded_share(radar, occluder, actor, t), -t) for t in _test_times(start, stop))
             if share <= MUCH_OCCLUDED:
                 continue
-            told = f"is behind the {what}, or in them, by {share:.0%} at t = {-t:.2f} s: the radar receives the rest"
+            text = f"is behind the {what}, or in them, by {share:.0%} at t = {-t:.2f} s: the radar receives the rest"
         else:
             continue
-        warnings.warn(f"actor '{actor.name}' {told}", stacklevel=stacklevel + 1)
+        warnings.warn(f"actor '{actor.name}' {text}", stacklevel=stacklevel + 1)
 
 
-def _instants(start: float, stop: float) -> list[float]:
-    return [float(t) for t in np.linspace(start, stop, OCCLUSION_INSTANTS if stop > start else 1)]
+def _test_times(start: float, stop: float) -> list[float]:
+    return [float(t) for t in np.linspace(start, stop, OCCLUSION_TIMES if stop > start else 1)]
 
 
 def _occluded_share(radar: Radar, occluder: Occluder, actor: Obstacle, t: float) -> float:
-    """Share of an actor that is occluded from the radar at `t` [s], 0 … 1."""
+    """Occluded share of an actor at `t` [s], 0 … 1."""
     vertices = surface_of(actor).vertices(t)
     points = vertices[:: max(1, len(vertices) // OCCLUSION_POINTS)]
     return float(occluder.occluded(np.asarray(radar.pose(t)[0]), points).mean())
 
 
 def _within_window(radar: Radar, actor: Obstacle, used: NDArray[np.intp] | slice, t: float) -> FloatArray:
-    """(vertex, 3) world positions [m] of the `used` vertices, all of them within the range window."""
+    """(vertex, 3) world positions [m] of the `used` vertices, checked against the range window."""
     points = actor.vertices(t)
-    if not np.isfinite(points).all():  # neither rays nor files take such a vertex, used or not
+    if not np.isfinite(points).all():
         raise ValueError(f"actor '{actor.name}' has vertices that are not finite at t = {t:.3f} s")
     points = points[used]
     with np.errstate(over="ignore"):
@@ -166,7 +166,7 @@ def _within_window(radar: Radar, actor: Obstacle, used: NDArray[np.intp] | slice
 def _check_passage(
     radar: Radar, actor: Obstacle, earlier: tuple[float, FloatArray], later: tuple[float, FloatArray]
 ) -> None:
-    """The actor does not meet the radar between two instants; looked at in steps of less than the clearance."""
+    """Check the free space around the radar between two times, in steps of motion below the clearance."""
     place = np.asarray(radar.position)
     (t0, before), (t1, after) = earlier, later
     low, high = np.minimum(before, after).min(axis=0), np.maximum(before, after).max(axis=0)
@@ -182,12 +182,12 @@ def _check_passage(
 
 
 def with_unique_names(actors: Sequence[MeshActor]) -> tuple[MeshActor, ...]:
-    """The actors.
+    """The actors as a tuple.
 
     Raises
     ------
     ValueError
-        If two share a name.
+        Two actors share a name.
     """
     names = [actor.name for actor in actors]
     doubled = {name for name in names if names.count(name) > 1}

@@ -16,21 +16,21 @@ from rfgen_sionna.scene.rays import Hits, RayScene
 from rfgen_sionna.scene.scene_errors import SceneError
 
 CONTACT = 0.02
-"""Depth [m] up to which an actor touches a surface: feet on the floor, a hand on a table."""
+"""Depth of contact with a surface [m]: feet on the floor, a hand on a table."""
 ALLOWED = 0.05
-"""Depth [m] up to which cushions and flesh give way, as where somebody sits or leans; beyond it the actor and the
-object would be in one place."""
+"""Depth by which cushions and flesh give way [m], as of a seated person."""
 STEP = 0.1
-"""Time [s] between the instants that are looked at; where something moves through a surface between two of them, more
-are."""
+"""Time between checks [s], refined where an actor crosses a surface between two of them."""
 FINEST_STEP = 1e-4
+"""Shortest time between checks [s]; ends the bisection."""
 ROUNDING = 1e-5
-"""Margin [m] around boxes that are to hold what rays hit."""
+"""Margin of boxes around ray hits [m], for the rounding of float32."""
 SHIFT = 0.05
-"""Instants are close enough where no vertex moves further [m] from one to the next."""
+"""Largest motion of a vertex between checks [m] without refinement."""
 SPACING = 0.03
-"""Distance [m] between the points on the scene's edges that are looked for inside of an actor."""
+"""Distance of the points on the scene's edges that are tested for being inside an actor [m]."""
 _SAMPLES = 128
+"""Most vertices of a part whose depth is measured, for speed."""
 _DIRECTIONS = np.array(
     [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)]
 )
@@ -38,7 +38,7 @@ _DIRECTIONS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 
 class NamedMesh(Protocol):
-    """An object of a scene, or another actor at one instant, that an actor may run into."""
+    """An object of a scene, or another actor at one time."""
 
     @property
     def name(self) -> str: ...
@@ -54,13 +54,6 @@ class NamedMesh(Protocol):
         ...
 
 
-class StaticMeshes(Protocol):
-    """A scene, by its objects."""
-
-    @property
-    def objects(self) -> Sequence[NamedMesh]: ...
-
-
 @dataclass(frozen=True)
 class Collision:
     """An actor and an object of the scene in one place."""
@@ -72,46 +65,51 @@ class Collision:
     place: tuple[float, float, float]
     """Deepest point [m]."""
     depth: float
-    """Depth of the actor behind the surface, or of the object in the actor [m]; `inf` where the actor lies inside
-    of the object or goes through it as a whole."""
+    """Depth of the actor behind the surface, or of the object in the actor [m]; `inf` for a whole actor in the
+    object or through it."""
+
+    @property
+    def target(self) -> str:
+        """The object, for messages."""
+        return f"{self.object!r} of the scene"
 
     def __str__(self) -> str:
         where = "(" + ", ".join(f"{x:.2f}" for x in self.place) + ") m"
         how = "goes through" if np.isinf(self.depth) else f"is {100 * self.depth:.0f} cm deep in"
-        return f"actor {self.actor!r} {how} {self.object!r} of the scene at t = {self.time:.2f} s, at {where}"
+        return f"actor {self.actor!r} {how} {self.target} at t = {self.time:.2f} s, at {where}"
 
 
 class CollisionFinder:
-    """Looks for collisions of one actor with the static scene.
+    """Search for collisions of one actor with static objects.
 
-    An actor's edges are rays: where they cross a surface they fall apart into what is before and what is behind it,
-    and how far the smaller part is from that surface is the depth. Of things that are thinner than the actor, such as
-    a lamp's pole or the top of a table, points on their edges are looked for inside of the actor.
+    The actor's edges are rays. Edges that cross a surface divide the actor into parts before and behind it; the depth
+    is the distance of the smaller part's points from the surface. Objects thinner than the actor, such as poles and
+    table tops, are found by points on their edges that lie inside the actor.
 
     Parameters
     ----------
-    scene
-        The static surroundings, with objects.
+    objects
+        Static objects.
     rays
-        Their surfaces, in the order of `scene.objects`.
+        Their surfaces, in the same order.
     actor
-        Its faces never change.
+        A moving mesh of constant faces.
     """
 
-    def __init__(self, scene: StaticMeshes, rays: RayScene, actor: Obstacle) -> None:
-        self._items = scene.objects
+    def __init__(self, objects: Sequence[NamedMesh], rays: RayScene, actor: Obstacle) -> None:
+        self._items = objects
         self._rays = rays
         self._actor = actor = surface_of(actor)
         self._edges = _unique_edges(actor.faces)
-        # The facet through which each vertex has gone over to the other side, -1 for none.
+        # Facet through which each vertex has crossed to the other side, -1 for none.
         self._crossed = np.full(int(actor.faces.max()) + 1, -1)
         self._shells = _components(self._edges, int(actor.faces.max()) + 1)
         self._corners = np.concatenate([item.vertices[item.faces] for item in self._items])
         self._owner = np.repeat(np.arange(len(self._items)), [len(item.faces) for item in self._items])
 
     def find(self, start: float, stop: float) -> Iterator[Collision]:
-        """Collisions deeper than `CONTACT` from `start` to `stop` [s], one by one as time goes."""
-        times = np.linspace(start, stop, 1 + max(0, int(np.ceil((stop - start) / STEP - 1e-9)))).tolist()
+        """Collisions deeper than :data:`CONTACT` from `start` to `stop` [s], in order of time."""
+        times = check_times(start, stop)
         poses = [self._actor.vertices(t) for t in times]
         low, high = np.min([p.min(axis=0) for p in poses], axis=0), np.max([p.max(axis=0) for p in poses], axis=0)
         corners = self._corners
@@ -128,10 +126,10 @@ class CollisionFinder:
     def _between(
         self, t0: float, before: FloatArray, t1: float, after: FloatArray, points: tuple[FloatArray, NDArray[np.intp]]
     ) -> Iterator[Collision]:
-        """Collisions on the way of an actor between two instants."""
+        """Collisions of an actor between two times."""
         way = np.linalg.norm(after - before, axis=1)
         crossing, hits = self._crossing(before, after)
-        # How far each vertex starts before and ends behind the surface.
+        # Distances of each vertex from the surface, before and after.
         share = hits.distance / way[crossing]
         along = np.einsum("ij,ij->i", (after - before)[crossing], self._normals(hits.facet))
         depth = np.abs(along) * np.minimum(share, 1.0 - share)
@@ -143,7 +141,7 @@ class CollisionFinder:
             yield from self._between(t, middle, t1, after, points)
             return
         self._crossed[crossing] = np.where(self._crossed[crossing] < 0, hits.facet, -1)
-        # A thin actor is through before it is seen on both sides.
+        # A thin actor may never be on both sides at a checked time.
         through = np.flatnonzero(self._crossed >= 0)
         if len(through) > 0.5 * len(way):
             number = int(np.bincount(self._owner[self._crossed[through]]).argmax())
@@ -157,7 +155,7 @@ class CollisionFinder:
         yield from self._within(t, vertices, *points)
 
     def _behind(self, t: float, vertices: FloatArray) -> Iterator[Collision]:
-        """Parts of the actor that lie behind surfaces which cut it."""
+        """Parts of the actor behind surfaces that cut it."""
         cut, hits = self._crossing(vertices[self._edges[:, 0]], vertices[self._edges[:, 1]])
         if not len(cut):
             return
@@ -170,7 +168,7 @@ class CollisionFinder:
         for shell in np.unique(self._shells[ends[:, 0]]):
             reached = {int(np.argmax(np.where(self._sizes_of(shell, parts, len(sizes)), sizes, -1)))}
             while True:
-                # Parts next to those reached, and the edges that lead over to them.
+                # Neighbouring parts of those reached, and the edges between them.
                 known = np.isin(joined, list(reached))
                 leading = np.flatnonzero(known[:, 0] ^ known[:, 1])
                 leading = leading[self._shells[ends[leading, 0]] == shell]
@@ -190,7 +188,7 @@ class CollisionFinder:
     def _part(
         self, t: float, vertices: FloatArray, members: NDArray[np.intp], facets: NDArray[np.int64]
     ) -> Iterator[Collision]:
-        """Depth of a part behind the facets that its edges to the rest of the actor cross."""
+        """Collision of a part, whose edges to the rest of the actor cross `facets`."""
         facets, counts = np.unique(facets, return_counts=True)
         number = int(np.bincount(self._owner[facets], weights=counts).argmax())
         members = members[:: max(1, len(members) // _SAMPLES)]
@@ -200,8 +198,7 @@ class CollisionFinder:
             yield self._collision(number, t, vertices[members[deepest]], float(depth[deepest]))
 
     def _depth(self, points: FloatArray, number: int, facets: NDArray[np.int64]) -> FloatArray:
-        """(point,) distance [m] to the surface of an object that was crossed in `facets`; an upper bound that is exact
-        for flat surfaces and 1.5 % off at most where no facet among those is nearest."""
+        """(point,) distance [m] from an object crossed in `facets`: an upper bound, exact for flat surfaces."""
         from trimesh.triangles import closest_point
 
         facets = facets[:: max(1, len(facets) // 32)]
@@ -217,7 +214,7 @@ class CollisionFinder:
     def _within(
         self, t: float, vertices: FloatArray, points: FloatArray, owner: NDArray[np.intp]
     ) -> Iterator[Collision]:
-        """Points of the scene's edges that lie inside of the actor."""
+        """Points of the scene's edges inside the actor."""
         from scipy.spatial import cKDTree
 
         low, high = vertices.min(axis=0) + CONTACT, vertices.max(axis=0) - CONTACT
@@ -225,7 +222,7 @@ class CollisionFinder:
         if not len(index):
             return
         faces = self._actor.faces
-        # Before the nearest face, and further from its middle than it is wide: outside.
+        # A point before the nearest face, further from its centre than its width, is outside.
         corners = vertices[faces]
         middle = corners.mean(axis=1)
         wide = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
@@ -243,7 +240,7 @@ class CollisionFinder:
                 return
 
     def _inside(self, vertices: FloatArray, t: float) -> Iterator[Collision]:
-        """Closed objects that the actor as a whole lies in, other than rooms, which hold the radar too."""
+        """Closed objects around the whole actor, other than rooms around the radar."""
         point = vertices[self._edges[0, 0]]
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         for number, item in enumerate(self._items):
@@ -254,7 +251,7 @@ class CollisionFinder:
                 yield self._collision(number, t, point, np.inf)
 
     def _edge_points(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
-        """Points (point, 3) [m] on the edges of the scene that are in a box, and the objects that they belong to."""
+        """Points (point, 3) [m] on the scene's edges within a box, and the indices of their objects."""
         corners = self._corners[self._near]
         start, end = corners.reshape(-1, 3), np.roll(corners, -1, axis=1).reshape(-1, 3)
         near = _overlap(np.minimum(start, end), np.maximum(start, end), low, high)
@@ -267,7 +264,7 @@ class CollisionFinder:
         return points[held], owner[which[held]]
 
     def _crossing(self, start: FloatArray, end: FloatArray) -> tuple[NDArray[np.intp], Hits]:
-        """Which of the segments from `start` to `end` cross a surface, and where they do first."""
+        """Indices of the segments from `start` to `end` that cross a surface, and their first hits."""
         low, high = np.minimum(start, end) - ROUNDING, np.maximum(start, end) + ROUNDING
         near = np.flatnonzero(_overlap(*self._boxes, low.min(axis=0), high.max(axis=0)))
         owner = self._owner[self._near[near]]
@@ -302,7 +299,7 @@ def _unique_edges(faces: NDArray[np.int32]) -> NDArray[np.int64]:
 
 
 def _components(edges: NDArray[np.int64], count: int) -> NDArray[np.int32]:
-    """(vertex,) number of the connected part that each vertex belongs to."""
+    """(vertex,) index of the connected part of each vertex."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -310,8 +307,13 @@ def _components(edges: NDArray[np.int64], count: int) -> NDArray[np.int32]:
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
+def check_times(start: float, stop: float) -> list[float]:
+    """Times from `start` to `stop` [s] at most :data:`STEP` apart."""
+    return [float(t) for t in np.linspace(start, stop, 1 + max(0, int(np.ceil((stop - start) / STEP - 1e-9))))]
+
+
 def deepest(found: Sequence[Collision]) -> list[Collision]:
-    """The deepest collision of each actor with each object, the deepest of all first."""
+    """Deepest collision of each actor with each object, in order of depth."""
     worst: dict[tuple[str, str], Collision] = {}
     for each in found:
         key = each.actor, each.object
@@ -321,12 +323,12 @@ def deepest(found: Sequence[Collision]) -> list[Collision]:
 
 
 def report_collisions(found: Iterable[Collision], policy: str, remedy: str, stacklevel: int) -> None:
-    """Refuse collisions deeper than :data:`ALLOWED` where `policy` is "error", and warn of the deepest of all others.
+    """Refuse collisions deeper than :data:`ALLOWED` with `policy` "error", and warn of the deepest of all others.
 
     Raises
     ------
     SceneError
-        At the first such collision, naming `remedy`.
+        At the first refused collision; the message ends with `remedy`.
     """
     collisions: list[Collision] = []
     for each in found:

@@ -1,4 +1,4 @@
-"""Free space around a radar: it is neither inside an object nor touches one."""
+"""Checks of the free space around a radar, and distances to surfaces."""
 
 from __future__ import annotations
 
@@ -16,18 +16,17 @@ from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.scene.scene_errors import SceneError
 
 CLEARANCE = 0.02
-"""Free space [m] that a radar needs around its centre: its antenna array is a few centimetres wide."""
+"""Free space needed around a radar's centre [m]: antenna arrays are a few centimetres wide."""
 ROOM_RADIUS = 0.5
-"""A closed surface whose nearest point is further away [m] is taken for a room around the radar, not for a wall or a
-piece of furniture with the radar in it."""
+"""Least distance of a closed surface around the radar [m] at which it counts as a room, not as a wall or furniture."""
 LARGE_ACTOR = 20.0
-"""Beyond this extent [m] an actor with the radar in it is asked whether its mesh is in millimetres."""
+"""Extent of an actor around the radar [m] above which its mesh is probably in millimetres."""
 PATH_STEP = 1e-3
-"""Time between the instants at which a moving radar's place is looked up [s]."""
+"""Time between positions of a moving radar's path [s]: at 10 m/s half the clearance."""
 
 
 class Obstacle(Protocol):
-    """A mesh that a radar may run into: an actor, or an actor relative to a moving radar."""
+    """A moving mesh: an actor, or an actor relative to a moving radar."""
 
     @property
     def name(self) -> str: ...
@@ -51,21 +50,16 @@ class _Surface:
 
 
 def surface_of(body: Obstacle) -> Obstacle:
-    """A body without the vertices that none of its faces uses, wherever they are."""
+    """A body without its unused vertices."""
     used, faces = used_vertices(body.faces)
     return _Surface(body.name, faces, lambda t: body.vertices(t)[used])
 
 
 def winding_number(points: ArrayLike, vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """(point,) how often a surface surrounds each point: 1 inside a closed outward surface, 0 outside, -1 inside one
-    whose faces look inwards, fractions for open surfaces (sum of solid angles over 4 pi).
+    """(point,) winding number of a surface around points (point, 3) [m]: sum of its solid angles over 4 pi.
 
-    Args:
-        points: (point, 3) [m].
-        vertices: (vertex, 3) [m].
-        faces: (face, 3).
-
-    Source: A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125, for the solid angle.
+    1 inside a closed surface that faces outwards, -1 if it faces inwards, 0 outside, fractions for open surfaces.
+    Source of the solid angle: A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
     """
     queries = np.atleast_2d(np.asarray(points, np.float64))
     total = np.empty(len(queries))
@@ -81,7 +75,7 @@ def winding_number(points: ArrayLike, vertices: FloatArray, faces: IntArray) -> 
 
 
 def distance(point: ArrayLike, vertices: FloatArray, faces: IntArray) -> float:
-    """Distance [m] from a point (3,) to the nearest point of a surface."""
+    """Distance [m] of a point (3,) [m] from a surface."""
     from trimesh.triangles import closest_point
 
     query = np.asarray(point, np.float64)
@@ -90,7 +84,7 @@ def distance(point: ArrayLike, vertices: FloatArray, faces: IntArray) -> float:
 
 
 def nearest_surface(point: ArrayLike, scene: RadarScene) -> tuple[str, float]:
-    """Name of the object of a scene that is nearest to a point (3,), and its distance [m]."""
+    """Name of the object nearest to a point (3,) [m], and its distance [m]."""
     place = np.asarray(point, np.float64)
     name, reach = "", np.inf
     for item in scene.objects:
@@ -108,21 +102,20 @@ def check_radar_clear(
     t: float = 0.0,
     clearance: float = CLEARANCE,
 ) -> None:
-    """Make sure that a radar stands free at time `t` [s].
+    """Check the free space around a radar at time `t` [s].
 
-    A closed object that surrounds the radar is allowed if it is a room: its faces look inwards, or it surrounds the
-    actors as well, or, without actors, its surface is further away than :data:`ROOM_RADIUS`.
+    A closed object around the radar is allowed if it is a room: it faces inwards, surrounds an actor as well, or,
+    without actors, is further away than :data:`ROOM_RADIUS`.
 
     Args:
         position: (3,) of the radar [m].
-        scene: the static surroundings.
-        actors: what moves.
-        t: instant [s].
-        clearance: free distance [m] that is needed.
+        scene: static surroundings; None is free space.
+        actors: moving meshes.
+        t: time [s].
+        clearance: needed free distance [m].
 
     Raises:
-        SceneError: the radar is inside of an object or nearer to its surface than `clearance`; the message names the
-            object.
+        SceneError: the radar is inside an object, or nearer to its surface than `clearance`.
     """
     place = np.asarray(position, np.float64)
     bodies = [(body.name, body.vertices(t), body.faces) for body in map(surface_of, actors)]
@@ -136,7 +129,7 @@ def check_radar_clear(
                 if extent > LARGE_ACTOR
                 else ""
             )
-            raise SceneError(f"radar position {_text(place)} m lies inside {what}{units}: move either")
+            raise SceneError(f"radar position {point_text(place)} m lies inside {what}{units}: move either")
     centres = [vertices.mean(axis=0) for _, vertices, _ in bodies]
     for item in scene.objects if scene else ():
         what = f"{item.name!r} ({item.material})"
@@ -144,26 +137,25 @@ def check_radar_clear(
         if _surrounds(place, item.vertices, item.faces) > 0.0 and not _is_room(
             place, item.vertices, item.faces, centres
         ):
-            raise SceneError(f"radar position {_text(place)} m lies inside {what}: place it in free space")
+            raise SceneError(f"radar position {point_text(place)} m lies inside {what}: place it in free space")
 
 
 def check_path_clear(
     radar: Radar, scene: RadarScene | None, actors: Sequence[Obstacle], start: float, stop: float
 ) -> None:
-    """Make sure that a radar that moves stands free from `start` to `stop` [s], looked at wherever it has come half the
-    clearance further. A radar that stays is not looked at.
+    """Check the free space along a moving radar's path from `start` to `stop` [s], every half :data:`CLEARANCE`.
 
     Raises:
         SceneError: as :func:`check_radar_clear`.
     """
     if radar.trajectory is None:
         return
-    looked: FloatArray | None = None
+    checked: FloatArray | None = None
     for t in np.linspace(start, stop, 1 + max(1, int(np.ceil((stop - start) / PATH_STEP)))).tolist():
         place = np.asarray(radar.pose(t)[0])
-        if looked is None or np.linalg.norm(place - looked) > 0.5 * CLEARANCE:
+        if checked is None or np.linalg.norm(place - checked) > 0.5 * CLEARANCE:
             check_radar_clear(place, scene, actors, t)
-            looked = place
+            checked = place
 
 
 def _is_room(place: FloatArray, vertices: FloatArray, faces: IntArray, centres: Iterable[FloatArray]) -> bool:
@@ -178,13 +170,13 @@ def _check_gap(place: FloatArray, what: str, vertices: FloatArray, faces: IntArr
     gap = distance(place, vertices, faces)
     if gap < clearance:
         raise SceneError(
-            f"radar position {_text(place)} m is {1e3 * gap:.3g} mm from the surface of {what}, it needs "
+            f"radar position {point_text(place)} m is {1e3 * gap:.3g} mm from the surface of {what}, it needs "
             f"{1e3 * clearance:g} mm of free space"
         )
 
 
 def _surrounds(place: FloatArray, vertices: FloatArray, faces: IntArray) -> float:
-    """Sign of the winding number where it is nearer to ±1 than to 0, else 0."""
+    """Sign of the winding number if it is nearer to ±1 than to 0, else 0."""
     corners = vertices[faces.ravel()]
     if (place < corners.min(axis=0)).any() or (place > corners.max(axis=0)).any():
         return 0.0
@@ -192,5 +184,6 @@ def _surrounds(place: FloatArray, vertices: FloatArray, faces: IntArray) -> floa
     return float(np.sign(turns)) if abs(turns) > 0.75 else 0.0
 
 
-def _text(place: FloatArray) -> str:
+def point_text(place: FloatArray) -> str:
+    """Coordinates (3,) as text, for messages."""
     return "(" + ", ".join(f"{x:g}" for x in place) + ")"

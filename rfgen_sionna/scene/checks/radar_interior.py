@@ -1,4 +1,4 @@
-"""Place of a radar: in the open or in a room, not inside a building or below the ground."""
+"""Check that a radar is in the open or in a room, not inside a building or below the ground."""
 
 from __future__ import annotations
 
@@ -9,52 +9,50 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.scene.checks.radar_distance import point_text
 from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.scene.scene_errors import SceneError
 
 RINGS = (0.97, 0.7, 0.35)
-"""Sines of the elevations at which rays go up. Lower ones run into hills, and from below into buildings that are open
-there."""
+"""Sines of the elevations of the rays; lower rays would hit hills, and buildings that are open below."""
 LOW_RING = 0.07
-"""Sine of the elevation at which something must be in the way at least: a roof without walls encloses nothing."""
+"""Sine of the elevation of the rays that test for walls: a roof alone encloses nothing."""
 PER_RING = 8
+"""Rays per ring; 24 rays separate streets from buildings."""
 IN_RING, IN_ALL = 0.4, 0.6
-"""Shares of the rays that must find the radar enclosed, in every ring and in all. In Sionna's towns the share in all is
-0 … 0.33 in streets and 0.67 … 1 in buildings (100 random places in each town)."""
+"""Enclosed shares of the rays of each ring and of all: in Sionna's towns 0 … 0.33 in streets, 0.67 … 1 in buildings."""
 FLOOR_GAP = 0.05
-"""Surfaces this close below the first one beneath the radar [m] are floors too: bottoms of houses lie on the ground."""
+"""Distance below the first surface under the radar within which surfaces are floors too [m]: houses on the ground."""
 GROUND_SAMPLES = 24
+"""Sampled points of a floor; their share under the sky is compared with 0.1."""
 OPEN_GROUND = 0.1
-"""Share of a floor under the open sky from which it is ground, not the floor of a room."""
+"""Share of a floor under the open sky above which it is ground, not the floor of a room."""
 
 
 def check_radar_placed(position: ArrayLike, scene: RadarScene | None, in_view: Callable[[], bool]) -> None:
-    """Make sure that a radar stands where it can look around: not inside of a building, below the ground, or outside of
-    a room that says where its free space is (:attr:`RadarScene.interior`).
+    """Check that a radar is not inside a building, below the ground, or outside the :attr:`RadarScene.interior`.
 
-    Buildings of town models have no floor, and the sides that their faces show are no guide: in Sionna's street canyon
-    they look inwards. What holds for all of them: from inside, a ray that goes up leaves through a wall or the roof,
-    and whatever else it enters it leaves again, so that it crosses an odd number of surfaces; from outside an even one.
-    Rooms are told from buildings by their floor: a building stands on ground that goes on under the open sky outside.
+    Upward rays from inside a building cross an odd number of surfaces, from outside an even one, whatever the
+    orientation of its faces. A building differs from a room by its floor: ground that continues under the open sky.
 
     Parameters
     ----------
     position
         (3,) of the radar [m].
     scene
-        The static surroundings.
+        Static surroundings; None is free space.
     in_view
-        Whether the radar sees an actor: then what encloses both is a hall. Asked only inside of a building.
+        Function that returns whether an actor is visible, called inside a building only: a hall with actors is allowed.
 
     Raises
     ------
     SceneError
-        Naming the position, the object and what is allowed.
+        The radar is in none of the allowed places.
     """
     if scene is None or not scene.objects:
         return
     place = np.asarray(position, np.float64)
-    where = "radar position (" + ", ".join(f"{x:g}" for x in place) + ") m"
+    where = f"radar position {point_text(place)} m"
     if scene.interior is not None:
         if not scene.interior.contains(place):
             raise SceneError(
@@ -79,13 +77,13 @@ def check_radar_placed(position: ArrayLike, scene: RadarScene | None, in_view: C
     if any(surfaces.open_share(floor, place[2]) > OPEN_GROUND for floor in floors) and not in_view():
         item = scene.objects[enclosing]
         raise SceneError(
-            f"{where} lies inside of {item.name!r} ({item.material}), a building that hides all that is outside of it; "
+            f"{where} lies inside of {item.name!r} ({item.material}), a building that occludes everything outside; "
             "place the radar outside, or an actor in its view"
         )
 
 
 class _Surfaces:
-    """All triangles of a scene, for counting what a ray crosses."""
+    """All triangles of a scene, to count the crossings of rays."""
 
     def __init__(self, scene: RadarScene) -> None:
         items = scene.objects
@@ -95,8 +93,7 @@ class _Surfaces:
         self._radius2 = ((self.corners - self._centre[:, None]) ** 2).sum(axis=2).max(axis=1)
 
     def crossings(self, origin: FloatArray, direction: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
-        """Distances [m], ascending, at which a ray crosses faces, and the objects' numbers. `direction` is of unit
-        length."""
+        """Ascending distances [m] of a ray's crossings, and the objects' indices; `direction` has unit length."""
         offset = self._centre - origin
         along = offset @ direction
         near = np.flatnonzero(
@@ -116,8 +113,8 @@ class _Surfaces:
         return distance[order], self.owner[near[hit][order]]
 
     def enclosing(self, place: FloatArray) -> tuple[int | None, bool]:
-        """Number of the object that is seen most often from inside, None where the radar is not in anything; and
-        whether something covers the radar above and all around, once or more often."""
+        """Index of the object that most rays leave first (None outside of all objects), and whether the radar is
+        covered above and all around."""
         first: list[int] = []
         shares: list[float] = []
         for sine in (*RINGS, LOW_RING):
@@ -132,12 +129,12 @@ class _Surfaces:
         return (Counter(first).most_common(1)[0][0] if inside else None), True
 
     def floors(self, place: FloatArray) -> list[int]:
-        """Numbers of the objects just beneath a point, the nearest first."""
+        """Indices of the objects just beneath a point, nearest first."""
         distance, objects = self.crossings(place, _vertical(-1.0))
         return list(dict.fromkeys(objects[: np.searchsorted(distance, distance[:1].sum() + FLOOR_GAP)].tolist()))
 
     def open_share(self, number: int, height: float) -> float:
-        """Share of an object's area below `height` [m] above which there is nothing, from seeded samples."""
+        """Share of an object's area below `height` [m] that lies under the open sky, from seeded samples."""
         corners = self.corners[self.owner == number]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         level = np.abs(normals[:, 2])
@@ -152,13 +149,13 @@ class _Surfaces:
 
 
 def _ring(sine: float) -> FloatArray:
-    """(ray, 3) directions of one elevation; no two rings share an azimuth."""
+    """(ray, 3) directions of one elevation, at azimuths of no other ring."""
     azimuth = 2 * np.pi * (np.arange(PER_RING) + sine) / PER_RING
     level = np.sqrt(1.0 - sine**2)
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.full(PER_RING, sine)], axis=1)
 
 
 def _vertical(sign: float) -> FloatArray:
-    """Up or down, a little aslant: along the axes faces meet edge to edge."""
+    """Up or down, slightly tilted to miss edges along the axes."""
     direction = np.array([0.00123, 0.00217, sign])
     return direction / np.linalg.norm(direction)

@@ -18,4 +18,4 @@ def tiny_radar(tiny_toml: Path) -> Radar:
 def kernels(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Kernels that ask static and moving scenes, as on the CPU, and such that ask but one, as OptiX needs them."""
     if request.param == "a scene each":
-        monkeypatch.setattr("rfgen_sionna.scene.ray_layer.one_scene_a_kernel", lambda: True)
+        monkeypatch.setattr("rfgen_sionna.scene.ray_layer.one_scene_per_kernel", lambda: True)

@@ -28,7 +28,7 @@ class Surroundings:
 
     def find(self, actor: MeshActor, stop: float = 0.0) -> dict[str, Collision]:
         rays = RayScene([(item.vertices, item.faces) for item in self.objects], origin=(0, 0, 1))
-        return {each.object: each for each in deepest(list(CollisionFinder(self, rays, actor).find(0.0, stop)))}  # type: ignore[arg-type]
+        return {each.object: each for each in deepest(list(CollisionFinder(self.objects, rays, actor).find(0.0, stop)))}  # type: ignore[arg-type]
 
 
 def sheet(x: float = 0.0, size: float = 4.0) -> trimesh.Trimesh:

@@ -121,7 +121,7 @@ def test_tensors_are_taken_without_their_gradients():
 
 
 def test_a_mesh_inside_out_is_turned():
-    with pytest.warns(UserWarning, match="look inwards"):
+    with pytest.warns(UserWarning, match="point inwards"):
         _, faces = check_mesh(TETRAHEDRON, FACES[:, ::-1])
     assert trimesh.Trimesh(TETRAHEDRON, faces).volume > 0
 

@@ -248,7 +248,7 @@ def test_rays_may_start_on_a_surface():
 @pytest.mark.parametrize("each", [False, True])
 def test_scenes_are_asked_one_after_the_other_where_kernels_ask_but_one(mixed: RayScene, monkeypatch, each: bool):
     """What the first has found is computed before the second is asked, and no loop within a kernel asks both."""
-    monkeypatch.setattr("rfgen_sionna.scene.ray_layer.one_scene_a_kernel", lambda: each)
+    monkeypatch.setattr("rfgen_sionna.scene.ray_layer.one_scene_per_kernel", lambda: each)
     done, evaluated = list[str](), dr.eval
     for name in ("_static", "_moving"):
         layer = getattr(mixed, name)

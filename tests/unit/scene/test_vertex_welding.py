@@ -83,7 +83,7 @@ def test_seams_that_are_turned_are_sewn_all_the_same():
 
 def test_a_soup_that_looks_inwards_is_turned():
     vertices, faces = soup(BALL)
-    with pytest.warns(UserWarning, match="look inwards"):
+    with pytest.warns(UserWarning, match="point inwards"):
         mesh = RigidMesh(vertices, faces[:, ::-1])
     assert trimesh.Trimesh(mesh.points, mesh.faces, process=False).volume > 0
 
