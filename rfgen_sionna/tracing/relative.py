@@ -49,30 +49,14 @@ def relative_objects(
     def still(points: FloatArray) -> Callable[[float], FloatArray]:
         return lambda _: points
 
-    found = [
-        RelativeObject(
-            thing.name,
-            thing.properties,
-            thing.faces,
-            (thing.name,),
-            np.zeros(len(thing.faces), dtype=np.int32),
-            True,
-            carried(still(np.asarray(thing.vertices, dtype=np.float64))),
-        )
-        for thing in (scene.objects if scene is not None else ())
-    ]
-    found += [
-        RelativeObject(
-            actor.name,
-            actor.properties,
-            actor.faces,
-            actor.part_names,
-            actor.face_parts,
-            False,
-            carried(actor.vertices),
-        )
-        for actor in actors
-    ]
+    found = []
+    for thing in scene.objects if scene is not None else ():
+        parts, points = np.zeros(len(thing.faces), dtype=np.int32), np.asarray(thing.vertices, dtype=np.float64)
+        given = thing.name, thing.properties, thing.faces, (thing.name,), parts, True, carried(still(points))
+        found.append(RelativeObject(*given))
+    for actor in actors:
+        known = actor.name, actor.properties, actor.faces, actor.part_names, actor.face_parts, False
+        found.append(RelativeObject(*known, carried(actor.vertices)))
     return tuple(found)
 
 

@@ -94,7 +94,7 @@ class FacetClusters:
         found, other = np.ones(len(selected)), np.flatnonzero(cluster_head != selected)
         heads = cluster_head[other]
         own, there = visible.weight[selected[other]], visible.weight[heads]
-        unknown = np.flatnonzero(there == 0)  # leaders that look away
+        unknown = np.flatnonzero(there == 0)  # heads that face away
         there[unknown] = self._band.pattern_gain(visible.facets.directions(self._viewpoint, heads[unknown]))
         found[other] = np.where(there > 0, own / np.where(there > 0, there, 1.0), 1.0)
         return found
@@ -133,13 +133,13 @@ def cluster_heads(
     if np.count_nonzero(small) < 2:
         return alone
     centres = triangle_centroids(corners)
-    first = int(np.flatnonzero(area >= (1.0 - 1e-6) * area.max())[0])  # of equal ones the same wherever the mesh is
+    first = int(np.flatnonzero(area >= (1.0 - 1e-6) * area.max())[0])  # independent of the pose
     cells = np.floor((centres - corners[first, 0]) @ _frame(edges[first]).T / width).astype(np.int64)
     one, other = _neighbours(faces, np.flatnonzero(small))
     together = (cells[one] == cells[other]).all(axis=1) & (parts[one] == parts[other])
     links = coo_array((np.ones(together.sum(), np.int8), (one[together], other[together])), shape=(len(faces),) * 2)
     patch = connected_components(links, directed=False)[1]
-    # The one next to the middle leads.
+    # The head is the face nearest to the centre.
     weight = np.bincount(patch, area)
     middle = np.stack([np.bincount(patch, area * axis) for axis in centres.T], axis=1)
     away = lengths(centres - (middle / np.maximum(weight, 1e-300)[:, None])[patch])

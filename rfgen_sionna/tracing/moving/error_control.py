@@ -92,13 +92,12 @@ class ErrorControl:
         """`visibility` at the `sample_times` [s] with an expansion that is fine enough. The number of the measurement,
         `turn`, chooses the element pair; None keeps the expansion without a measurement."""
         continued = self.expansion is not None
-        if continued and turn is not None and self._any_curved:  # a thing that turns may show more of its rim
+        if continued and turn is not None and self._any_curved:  # turning changes the terminator
             self._weigh_terminator(self._trace_visibility(_middle(sample_times), interval))
         found = visibility(sample_times, self.expansion or self._refine(_middle(sample_times), interval, True))
         if turn is None or self._measure(found, turn) <= 1.5 * max(self._rtol, self._error):
             return found
         self.expansion = None
-        # What was just chosen, from the coarsest on, goes on from where it is.
         again = visibility(found.sample_times, self._refine(_middle(found.sample_times), interval, continued))
         self._measure(again, turn)
         return again._replace(discarded=[*found.discarded, *again.discarded])
@@ -119,14 +118,12 @@ class ErrorControl:
         without any boundary and flat ones are tested, unless slabs transmit.
         """
         estimate = self._correction_error(visibility)
-        unverified = (
-            (estimate > np.where(self._curved, CURVED_UNVERIFIED_PER_RTOL, UNVERIFIED_PER_RTOL) * self._rtol)
-            & (estimate > REVERIFY_GROWTH * self._verified_at)
-        )  # fmt: skip
+        least = np.where(self._curved, CURVED_UNVERIFIED_PER_RTOL, UNVERIFIED_PER_RTOL) * self._rtol
+        unverified = (estimate > least) & (estimate > REVERIFY_GROWTH * self._verified_at)
         unshadowed = ~unverified & (~self._curved | (estimate == 0)) & ~self._static & ~self.per_element
-        if unshadowed.any() and not self._indirect.through_slabs:  # which rays from own places don't go through
+        if unshadowed.any() and not self._indirect.through_slabs:
             unverified |= shadowed_surfaces(unshadowed)
-        # Of furniture there is not the time to hold them against anything.
+        # Verification of static surfaces would take too long.
         unverified &= ~self.per_element & ~self._static
         return np.asarray(
             np.isin(self._tolerance_group, self._tolerance_group[unverified]) & ~self._near_slabs(visibility.visible)
@@ -156,13 +153,12 @@ class ErrorControl:
         estimate = self._correction_error(visibility)
         self.per_element |= unverified & (off > PER_ELEMENT_PER_RTOL * self._rtol)
         self._verified_at = np.where(unverified, estimate, self._verified_at)
-        # Beside edges that the phase centre hardly sees there are no strips that a factor would tell of.
-        tells = estimate > np.where(self._curved, CURVED_UNVERIFIED_PER_RTOL, UNVERIFIED_PER_RTOL) * self._rtol
-        told = np.where(tells, CORRECTION_SAFETY * off / np.where(tells, estimate, 1.0), 1.0)
-        self._correction_scale = np.where(unverified, told, self._correction_scale)
-        self._correction_offset = np.where(
-            unverified, np.where(tells, 0.0, CORRECTION_SAFETY * off), self._correction_offset
-        )
+        # A factor is meaningless where the phase centre hardly sees the boundary.
+        significant = estimate > np.where(self._curved, CURVED_UNVERIFIED_PER_RTOL, UNVERIFIED_PER_RTOL) * self._rtol
+        scale = np.where(significant, CORRECTION_SAFETY * off / np.where(significant, estimate, 1.0), 1.0)
+        self._correction_scale = np.where(unverified, scale, self._correction_scale)
+        offset = np.where(significant, 0.0, CORRECTION_SAFETY * off)
+        self._correction_offset = np.where(unverified, offset, self._correction_offset)
 
     def _correction_error(self, visibility: IntervalVisibility) -> FloatArray:
         """(surface,) estimated error of the shadow-boundary correction."""
@@ -171,11 +167,10 @@ class ErrorControl:
     def error(self, visibility: IntervalVisibility, cancellation: FloatArray) -> float:
         """Estimated error of the worst surface's direct return: integration and uncertain shadows, by the
         `cancellation` (surface,)."""
-        cancellation = np.where(cancellation > 0, cancellation, 1.0)  # of what was hidden nobody knows
+        cancellation = np.where(cancellation > 0, cancellation, 1.0)  # unknown while occluded
         returned = np.stack([each.level for each in visibility.visible])
-        edges = relative_to_largest(
-            np.stack([each.missed for each in visibility.visible]), returned, returned.max(axis=0)
-        )
+        missed = np.stack([each.missed for each in visibility.visible])
+        edges = relative_to_largest(missed, returned, returned.max(axis=0))
         correction = SAFETY * np.maximum(cancellation, 1.0) * self._correction_scale * visibility.sampled_returns.missed
         correction = np.maximum(correction, np.where(self.per_element, 0.0, self._correction_offset))
         shadows = np.hypot(SAFETY * cancellation * edges, correction)
@@ -183,7 +178,7 @@ class ErrorControl:
 
     def _refine(self, t: float, interval: TraceInterval, afresh: bool) -> Expansion:
         """Choose expansion, facets and terminators for the error at `t`; `afresh` starts from the coarsest facets."""
-        self.verify_again()  # what returns are is told anew
+        self.verify_again()
         expansion, visible = self._refined(t, interval, afresh)
         self._weigh_terminator(visible)
         return expansion
@@ -206,23 +201,23 @@ class ErrorControl:
             refined, visible = self._refined_returns(t, interval)
             error = self._record([refined.of_facets(self.level)[0]])
             facets.append(self._error)
-            # More of the same is no use where the error hardly falls; from one number of parts to the next it may rise.
+            # Refinement stops where the error hardly falls; it may rise once, with the number of parts.
             last = len(facets) == MAX_ROUNDS or (len(facets) > 2 and min(facets[-2:]) > 0.7 * facets[-3])
-            # Facets that are too coarse by themselves need no expansion to tell it by.
+            # The expansion is chosen once the facets are fine enough.
             if not last and self._facets.refine(error, vertices):
                 continue
             expansion, error = self._expanded(refined)
             if not (error > self._rtol).any():
                 return expansion, visible
             whole.append(self._error)
-            # What finer facets have hardly mended once is the expansion's own.
+            # An error that finer facets hardly reduce is that of the expansion.
             discarded = len(whole) > 1 and whole[-1] > 0.7 * whole[-2]
             if last or discarded or not self._facets.refine(error, vertices):
                 break
         worst = int(np.argmax(error))
         alone = np.count_nonzero(self._tolerance_group == self._tolerance_group[worst]) == 1
-        whose = f"'{self._surfaces.moving[worst].name}'" if alone else "all that stays"
-        _LOG.warning("the return of %s is right to %.2g of itself (rtol: %g)", whose, error[worst], self._rtol)
+        whose = f"'{self._surfaces.moving[worst].name}'" if alone else "the static scene"
+        _LOG.warning("the return of %s has a relative error of %.2g (rtol: %g)", whose, error[worst], self._rtol)
         return expansion, visible
 
     def _refined_returns(self, t: float, interval: TraceInterval) -> tuple[RefinedReturns, VisibleFacets]:
@@ -247,9 +242,8 @@ class ErrorControl:
         expansion = self._band.expansion_for(*known[1:], reference=refined.reference, apart=self._tolerance_group)
         values = self._band.values(refined.facets, self._materials, expansion, refined.reference)
         gains = self._band.combined(expansion, values)
-        representative = {(gains.shape[1] // 2, gains.shape[2] // 2), (gains.shape[1] - 1, gains.shape[2] - 1)} - {
-            refined.pair
-        }
+        tx, rx = gains.shape[1:3]
+        representative = {(tx // 2, rx // 2), (tx - 1, rx - 1)} - {refined.pair}
         others = [
             RefinedReturns.of(*known, pair, reference=refined.reference, tolerance_group=self._tolerance_group)
             for pair in sorted(representative)
@@ -262,7 +256,7 @@ class ErrorControl:
     def _record(self, found: Sequence[ErrorEstimate]) -> FloatArray:
         """Error (surface,), the worst of `found`; updates level and cancellation."""
         error = np.max([each.error for each in found], axis=0)
-        # Where the return fades no facets are unverified for that it does not need elsewhere.
+        # A fading return demands no finer facets than elsewhere.
         self.level = np.max([self.level, *(each.level for each in found)], axis=0)
         self.cancellation = np.max([each.cancellation for each in found], axis=0)
         self._error = float(error.max(initial=0.0))
@@ -275,7 +269,7 @@ class ErrorControl:
         gains = self._band.combined(visibility.expansion, visibility.sampled_returns.whole[middle])
         weight = visibility.visible[middle].fraction[own.selected] * visibility.visible[middle].weight[own.selected]
         if (outward := own.facets[middle].outward) is not None:
-            weight = weight * ~outward  # their kink is at the horizon, where they are cut, or told of by themselves
+            weight = weight * ~outward  # handled at the terminator
         pair = (turn % gains.shape[1], (turn // gains.shape[1]) % gains.shape[2])
         given = self._materials, weight, pair, PROBES, visibility.references[middle], self._tolerance_group
         refined = RefinedReturns.of(self._band, own.facets[middle], *given)

@@ -85,14 +85,13 @@ class FacetReturns:
         cut = [number for number, each in enumerate(visible) if len(each.owner)]
         parts, theirs, missed = list(facets), list(references), np.zeros(len(self._materials))
         if cut:
-            # To cut facets takes a kernel, too: those of all instants are cut at once.
+            # The facets of all times are cut in one kernel.
             owners = [np.unique(visible[number].owner, return_inverse=True) for number in cut]
             first = np.cumsum([0, *(len(owner) for owner, _ in owners)])
             parents = Facets.joined([visible[n].facets.take(owner) for n, (owner, _) in zip(cut, owners, strict=True)])
             place = np.concatenate([index + start for (_, index), start in zip(owners, first[:-1], strict=True)])
-            pieces, occluder = (
-                np.concatenate([getattr(visible[n], name) for n in cut]) for name in ("pieces", "occluder")
-            )
+            pieces = np.concatenate([visible[n].pieces for n in cut])
+            occluder = np.concatenate([visible[n].occluder for n in cut])
             surfaces = len(self._materials)
             of = np.repeat(np.arange(len(cut)), [len(visible[n].owner) for n in cut])
             group = surfaces * of + self._tolerance_group[parents.surface[place]]
@@ -107,22 +106,22 @@ class FacetReturns:
             theirs.append(np.concatenate([own[place], edges.middle + self._band.viewpoint]))
         found = self.values(parts, expansion, theirs)
         whole = found[: len(facets)]
+        # Shadow weight: the visible fraction of each facet.
         sampled_returns = [own * each.fraction[selected] for own, each in zip(whole, visible, strict=True)]
         boundary_correction: list[BoundaryCorrection | None] = [None for _ in visible]
         if cut:
             starts = np.flatnonzero(np.diff(place, prepend=-1))
-            sum_by_surface = np.split(np.add.reduceat(found[-1][:, : len(place)], starts, axis=1), first[1:-1], axis=1)
+            of_facets = np.split(np.add.reduceat(found[-1][:, : len(place)], starts, axis=1), first[1:-1], axis=1)
             every = self._band.boundary_correction(edges, found[-1][:, len(place) :], own[edges.owner], expansion)
-            for n, (owner, _), of_pieces, start in zip(cut, owners, sum_by_surface, first.tolist(), strict=False):
+            for n, (owner, _), of_pieces, start in zip(cut, owners, of_facets, first.tolist(), strict=False):
                 at = np.searchsorted(selected, owner)
                 sampled_returns[n][:, at] = of_pieces
                 there = every.take(slice(*np.searchsorted(edges.owner, [start, start + len(owner)])))
                 boundary_correction[n] = there._replace(owner=at[there.owner - start])
         for n, each in enumerate(visible):
             if each.per_element is not None:
-                more = self._per_element_correction(
-                    each.per_element.of(selected), facets[n], references[n], whole[n], sampled_returns[n], expansion
-                )
+                given = facets[n], references[n], whole[n], sampled_returns[n], expansion
+                more = self._per_element_correction(each.per_element.of(selected), *given)
                 correction = boundary_correction[n]
                 boundary_correction[n] = more if correction is None else BoundaryCorrection.joined([correction, more])
         return SampledReturns(whole, sampled_returns, boundary_correction, missed)
@@ -141,7 +140,7 @@ class FacetReturns:
         changed, at = np.unique(own.facet, return_inverse=True)
         weights = expansion.weights.reshape(expansion.order, -1, len(whole))
         gains = np.zeros((*weights.shape[:2], len(changed)), np.complex128)
-        for pair in np.unique(own.pair):  # a wide array has many, of each of which the same facets change
+        for pair in np.unique(own.pair):
             lane = np.flatnonzero(own.pair == pair)
             facet = own.facet[lane]
             values = whole[:, facet] * own.fraction[lane]
@@ -240,7 +239,7 @@ class FacetReturns:
             for k, each in enumerate(values):
                 weights = np.ones(len(order)) if pattern is None else pattern[k][order]
                 rows = csr_array((weights, order, ends), shape=(len(heads), len(order)))
-                # Real times complex as two real products side by side.
+                # Real matrix times complex columns, as two real products.
                 columns = np.ascontiguousarray(each.T).view(np.float64)
                 of_paths[:, :, k] = np.asarray(rows @ columns).view(np.complex128).T
         found = self._band.combined(expansion, of_paths)
@@ -250,9 +249,9 @@ class FacetReturns:
                 weight = 1.0 if pattern is None else pattern[k][correction.owner]
                 BoundaryCorrection(path[correction.owner], correction.gains * weight).add_to(found[..., k])
         for k, there in enumerate(facets):
-            if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet by itself
-                rough *= np.sqrt(shares[:, k])  # of energy, half of a facet returns half
-                if there.outward is not None:  # next to nothing, seen as they are from aside
+            if (rough := self._band.diffuse(there, self._materials)) is not None:  # each facet has its own phase
+                rough *= np.sqrt(shares[:, k])  # the energy is proportional to the visible area
+                if there.outward is not None:  # grazing
                     rough[..., there.outward] = 0.0
                 found[0, ..., k] += np.add.reduceat(rough[..., order], first, axis=-1)
         return found, heads

@@ -119,12 +119,12 @@ def choose_knots(
     count, gain_off = FIRST_COUNT, np.inf
     while True:
         times = np.linspace(start, stop, count)
-        # The golden ratio's multiples fall everywhere in 0 … 1, and never into step.
+        # Multiples of the golden ratio modulo 1 are spread evenly and aperiodic.
         place = 0.2 + 0.6 * np.mod(_GOLDEN * np.arange(1, count), 1.0)
         between = times[:-1] + place * np.diff(times)
         (values, towards), (truth, there) = known(times), known(between)
         if count == FIRST_COUNT and (values == values[0]).all() and (truth == values[0]).all():
-            places = [positions(float(t)) for t in (*times, *between)]  # whatever moves, however small
+            places = [positions(float(t)) for t in (*times, *between)]  # exact test for motion
             if all(np.array_equal(now, first) for there in places for now, first in zip(there, places[0], strict=True)):
                 return Knots(np.array([start]), 0.0)
         weights = knot_weights(times, between)
@@ -141,7 +141,7 @@ def choose_knots(
         )
         off = np.stack([phase, wavenumber * reach * turn, missed / np.maximum(whole, 1e-300)])
         spacing = times[1] - times[0]
-        # Of a pattern that jumps, as tables may behind the radar, no number of knots is enough.
+        # A pattern with jumps never converges.
         stalled = count > ENOUGH_POINTS and off[2].max() > 0.5 * gain_off
         gain_off = float(off[2].max())
         fine = off[:2].max() <= tolerance and (stalled or gain_off <= tolerance)
@@ -150,8 +150,8 @@ def choose_knots(
             return Knots(times, float(lengths(off.T).max()))
         if spacing < 2 * MIN_SPACING:
             _LOG.warning(
-                "the motion between %.4f and %.4f s is not smooth: at knots %.2g ms apart its phase is still off by "
-                "%.2g rad, by %.2g from element to element, and the antennas' gain by %.2g of itself (allowed: %.2g)",
+                "the motion between %.4f and %.4f s is not smooth: with knots %.2g ms apart the phase error is %.2g rad, "
+                "between elements %.2g rad, that of the antenna gain %.2g (allowed: %.2g); time_error includes it",
                 start, stop, 1e3 * spacing, *off.max(axis=1), tolerance,
             )  # fmt: skip
             return Knots(times, float(lengths(off.T).max()))
@@ -228,7 +228,7 @@ def max_phase_step(tolerance: float, gaps: int) -> float:
 
 def has_shadow_edge(shares: FloatArray) -> NDArray[np.bool_]:
     """(facet,) whether a shadow boundary is on or passes each facet, by its visible fraction `shares` (facet, time)."""
-    rows = np.ascontiguousarray(shares.T)  # many times faster along long rows
+    rows = np.ascontiguousarray(shares.T)  # reductions are faster along long rows
     low, high = rows.min(axis=0), rows.max(axis=0)
     return np.asarray((high > low) | ((low > 0) & (low < 1)))
 
@@ -288,7 +288,7 @@ def missed_energy(
     together = np.stack([missed[surface == number].sum(axis=0) for number in range(count)])
     at_times = together.real**2 + together.imag**2
     total, square = at_times.sum(axis=1), (at_times**2).sum(axis=1)
-    tell = total**2 / np.where(square > 0, square, np.inf)  # so many times
+    independent = total**2 / np.where(square > 0, square, np.inf)  # number of independent times
     summed = total / at_times.shape[1]
-    by_chance = (1.0 + _SPREAD / np.sqrt(np.maximum(tell, 1e-12))) ** 2 * summed
-    return np.asarray(np.maximum(summed, np.where(tell > _MIN_SAMPLES, np.minimum(apart, by_chance), apart)))
+    by_chance = (1.0 + _SPREAD / np.sqrt(np.maximum(independent, 1e-12))) ** 2 * summed
+    return np.asarray(np.maximum(summed, np.where(independent > _MIN_SAMPLES, np.minimum(apart, by_chance), apart)))

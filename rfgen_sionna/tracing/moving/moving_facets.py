@@ -54,7 +54,7 @@ class MovingFacets:
         :func:`rfgen_sionna.tracing.shadows.adaptive_sampling.shared_vertices`."""
         self.clusters = FacetClusters(band, viewpoint, rtol)
         self._parts: list[IntArray] = []
-        self._turns: list[FloatArray] | None = None  # (face,) of each surface; None where all are flat
+        self._turns: list[FloatArray] | None = None  # (face,) per surface; None if all are flat
         self._resolution = np.ones(len(surfaces.moving))
         self._distance = np.zeros(len(surfaces.moving))
 
@@ -75,7 +75,6 @@ class MovingFacets:
                 known = self._viewpoint, self._band.highest, self._rtol, self._band.pattern_gain
                 changed = needs_finer_facets(corners, *known)
         if changed:
-            # From the coarsest ones on: what was asked for elsewhere need not be here.
             self._resolution[:] = 1.0
             self._split(poses[0])
         return changed
@@ -204,7 +203,7 @@ class MovingFacets:
                 vertices, self.surfaces, self._resolution, images, strict=True
             )
         ]
-        # A body deforms, but how much its faces are bent hardly changes with its pose.
+        # Curvature hardly changes with the pose of a body.
         if any(surface.smooth is not None for surface in self.surfaces):
             self._turns = [
                 np.zeros(len(surface.faces)) if surface.smooth is None else surface.smooth.turn(points, surface.faces)

@@ -71,7 +71,7 @@ class MovingVisibility:
             [1.0 if surface.smooth is None else CURVED_FACTOR for surface in surfaces.moving]
         )
         self._tolerance_group = tolerance_groups(surfaces.moving)
-        self._any_visible = np.ones(len(surfaces.moving))  # share of what looks at the radar that nothing hides
+        self._any_visible = np.ones(len(surfaces.moving))  # visible share of the facing return
 
     def __call__(
         self,
@@ -190,14 +190,13 @@ class MovingVisibility:
         )
         place = np.concatenate([places[some] for some in facing]) + (int(places.max(initial=-1)) + 1) * time[:, None]
         weight = np.concatenate([each.weight for each in sampled])
-        # By all that falls on them at their time.
         hit = [np.where(each.hit < 0, -1, each.hit + rays.num_facets * k) for k, each in enumerate(silhouette_rays)]
         fallen = SilhouetteRays(
             np.concatenate([each.directions for each in silhouette_rays]),
             np.concatenate(hit),
             np.concatenate([each.span for each in silhouette_rays]),
         )
-        # Of what stays, which is looked at once, rays to facets before outlines find edges all the same.
+        # The hits before static silhouettes are not needed: rays to facets find these boundaries.
         silhouette = FacetLocator(corners - self._viewpoint, number).silhouette_lengths(fallen)[1]
         found, guides, missed, level = self._sampled(
             occluders, corners, number, place, silhouette, weight, group, count * surfaces, 0.0, count
@@ -207,7 +206,7 @@ class MovingVisibility:
             own, cut = slice(starts[k], starts[k + 1]), slice(cuts[k], cuts[k + 1])
             fraction, weights, silhouettes = np.zeros((3, len(there)))
             fraction[some], weights[some], silhouettes[some] = found.fraction[own], weight[own], silhouette[own]
-            sent = len(silhouette_rays[k].hit) + (0 if k else guides + found.rays)  # those of all times with the first
+            sent = len(silhouette_rays[k].hit) + (0 if k else guides + found.rays)
             mine = surfaces * k + self._tolerance_group
             every_seen.append(
                 VisibleFacets(there, fraction, weights, some[found.owner[cut] - starts[k]], found.pieces[cut],
@@ -310,7 +309,7 @@ class MovingVisibility:
     ) -> list[SilhouetteRays]:
         """Silhouette rays at every time, with vertices at `offsets` [m] from the viewpoint and faces `turned` to it."""
         if self._static is None:
-            # Directions (ray, 3) as long as the way there (ray,) [m], and what each stands for.
+            # Directions (ray, 3) to the silhouette, its distance (ray,) [m], and the span of each.
             past, stands_for = static_silhouettes(self._surfaces, self._viewpoint, self._ray_spacing)
             self._static = past, stands_for, lengths(past)
         static, span, distance = self._static
@@ -321,7 +320,7 @@ class MovingVisibility:
                 far = np.maximum(lengths(each), 1e-12)
                 axis = (each / far[:, None]).mean(axis=0)
                 axis /= max(float(np.linalg.norm(axis)), 1e-12)
-                # Opened as far as elements may see an edge shifted.
+                # Widened by the shift of a boundary between elements.
                 opening = np.arccos(np.clip((each @ axis / far).min() - 1e-3, -1.0, 1.0)) + self._reach / distance
                 within = static @ axis > np.cos(np.minimum(opening, np.pi)) * distance
                 possible_occluders |= within & (distance < far.max())
@@ -363,6 +362,6 @@ def silhouette_ray_spacing(corners: Sequence[FloatArray], viewpoint: FloatArray,
         order = np.argsort(size)
         share = np.cumsum(area[order])
         typical = float(size[order[np.searchsorted(share, _SMALL * share[-1])]])
-        # What lies between two rays goes with the square of their distance.
+        # The area between two rays grows with the square of their spacing.
         apart = min(apart, max(_PER_FACET * typical * np.sqrt(rtol / 1e-2), MIN_RAY_SPACING))
     return float(apart)

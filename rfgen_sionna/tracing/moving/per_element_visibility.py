@@ -115,7 +115,7 @@ class PerElementSampler:
         reach = float(lengths(elements - self._viewpoint).max(initial=0.0))
         for surface in np.unique(facets.surface[chosen]).tolist():
             own = corners[facets.surface[chosen] == surface]
-            # By the cone that holds it, opened as far as elements may see an edge shifted.
+            # Cone around the surface, widened by the shift of a boundary between elements.
             ways = unit(own.reshape(-1, 3))
             axis = unit(ways.mean(axis=0))
             opening = (
@@ -153,17 +153,17 @@ class PerElementSampler:
         """
         facets, ends = visible.facets, np.stack([pairs // len(self._rx), len(self._tx) + pairs % len(self._rx)])
         sampled_facets = (visible.weight > 0) & surfaces[facets.surface]
-        if facets.outward is not None:  # of these strips at the horizon are told of, which rays don't see
+        if facets.outward is not None:  # beyond the terminator
             sampled_facets &= ~facets.outward
         chosen = np.flatnonzero(sampled_facets)
         if not len(chosen):
             return PerElementSamples(PerElementVisibility.none(), np.zeros(len(surfaces)), level, 0)
         light, silhouette, sent = self._guided(rays, vertices, facets, places, chosen, ends)
         silhouette = np.maximum(silhouette, visible.silhouette[chosen])
-        # Where all see all or nothing, as the phase centre does, there is no edge.
+        # No boundary where all elements and the phase centre see all or nothing.
         alike = (light == light[:1, :, :1]).all(axis=(0, 2)) & (light[0, :, 0] == visible.fraction[chosen])
         edged = ~alike | np.isin(chosen, visible.owner) | (silhouette > 0).any(axis=0)
-        # Between corners an edge may cross what touches those.
+        # A boundary between corners may cross adjacent facets.
         edged = np.isin(places[chosen], places[chosen[edged]]).any(axis=1)
         of_groups = np.zeros(len(surfaces))
         of_groups[self._tolerance_group] = level
@@ -239,7 +239,7 @@ class PerElementSampler:
         corners, number = np.take(facets.corners, chosen, axis=0), facets.number[chosen]
         light = np.zeros((len(elements), len(chosen), 3), np.bool_)
         silhouette = np.zeros((len(elements), len(chosen)))
-        # All of them at once: a kernel takes as long to set up as some ten thousand rays.
+        # In large batches: a kernel launch costs as much as ten thousand rays.
         step = max(1, MAX_LANES // max(len(chosen), 1))
         sent = 0
         for some in np.split(used, np.arange(step, len(used), step)):
@@ -277,7 +277,7 @@ class PerElementSampler:
         rays, spans = [np.zeros((0, 3))], [np.zeros(0)]
         for number, (low, high) in enumerate(self._boxes):
             if np.linalg.norm(np.clip(end, low, high) - end) >= furthest:
-                continue  # of a town that is most
+                continue
             if (element, number) not in self._static:
                 there = self._surfaces.static_vertices[number] - end
                 self._static[element, number] = self._static_silhouettes[number].silhouette_rays(
@@ -308,21 +308,21 @@ def _shadow_reaches(edges: FloatArray, span: FloatArray, corners: FloatArray, el
     ways = edges - element
     along, height = ways @ normal.T, np.einsum("fi,fi->f", a, normal)
     with np.errstate(divide="ignore", invalid="ignore"):
-        indirect = height / along  # (point, facet) the way to the facet's plane, over that to the outline
+        ratio = height / along  # (point, facet) distance of the facet's plane over that of the silhouette
     area = lengths(normal)
     before = (
-        (indirect > 1.0)
-        & np.isfinite(indirect)
+        (ratio > 1.0)
+        & np.isfinite(ratio)
         & (np.abs(height - along) > _LATERAL_CLEARANCE * lengths(ways)[:, None] * area)
     )
     if not before.any():
         return False
     point, facet = np.nonzero(before)
-    there = indirect[point, facet][:, None] * ways[point] - a[facet]
+    there = ratio[point, facet][:, None] * ways[point] - a[facet]
     area, across = area[facet], normal[facet]
-    # On the inner side of all three sides, or as little without as lies between two points of the outline.
-    slack = 0.5 * span[point] * indirect[point, facet] * lengths(ways)[point]
-    slack *= area * lengths(ways)[point] / np.maximum(np.abs(along[point, facet]), 1e-300)  # seen aslant it is longer
+    # Inside all three sides, with the span of a silhouette point as slack.
+    slack = 0.5 * span[point] * ratio[point, facet] * lengths(ways)[point]
+    slack *= area * lengths(ways)[point] / np.maximum(np.abs(along[point, facet]), 1e-300)  # oblique incidence
     inside = np.ones(len(point), np.bool_)
     for first, second in ((a, b), (b, c), (c, a)):
         start, side = (first - a)[facet], (second - first)[facet]

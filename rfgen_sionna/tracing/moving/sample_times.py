@@ -116,13 +116,13 @@ def choose_sample_times(
     else:
         error = missed(gaps)
     while error > allowed and gaps < most:
-        # Little errors fall with the gap's fourth power.
+        # Small errors fall with the fourth power of the gap.
         gaps = min(max(gaps + 1, int(np.ceil(gaps * (error / allowed) ** 0.25))), most)
         error = missed(gaps)
     if error > allowed:
         _LOG.warning(
-            "gains between %.4f and %.4f s turn too fast: at instants %.2g ms apart they are still off by %.2g "
-            "(allowed: %.2g)", knots[0], knots[-1], 1e3 * length / gaps, error, allowed,
+            "gains between %.4f and %.4f s turn too fast: with sample times %.2g ms apart their error is %.2g "
+            "(allowed: %.2g); time_error includes it", knots[0], knots[-1], 1e3 * length / gaps, error, allowed,
         )  # fmt: skip
     return SampleTimes(np.linspace(knots[0], knots[-1], gaps + 1), error)
 
@@ -134,7 +134,7 @@ class _RepresentativeFaces:
         self, vertices: Sequence[FloatArray], faces: IntArray, closed: bool, viewpoint: FloatArray, frequency: float
     ) -> None:
         wavenumber, size, strength = 4 * np.pi * frequency / SPEED_OF_LIGHT, np.zeros(len(faces)), np.zeros(len(faces))
-        # What glints or shows itself at one end alone counts as well; of very many faces others do then.
+        # Faces that are strong at one end only count as well.
         poses = (vertices[0], vertices[-1]) if len(faces) < MANY_FACES else (vertices[len(vertices) // 2],)
         for points in poses:
             found, angle = _estimated_returns(points, faces, viewpoint, wavenumber)
@@ -147,7 +147,7 @@ class _RepresentativeFaces:
         step = max(1, -(-len(rest) // OTHERS))
         chosen = np.concatenate([order[:STRONGEST], rest[::step]])
         ends, counted = faces[chosen], np.where(np.arange(len(chosen)) < STRONGEST, 1.0, step)
-        # One piece in the middle stands for all of a face, and faces that are not strong for each other.
+        # The middle piece represents a large face, and one weak face several others.
         bulge = phase_bulge(vertices[len(vertices) // 2][ends], viewpoint, frequency)
         self._share = np.sqrt(FACET_BULGE / np.maximum(bulge, FACET_BULGE))
         self._size = size[chosen] * self._share * np.sqrt(counted)
@@ -163,7 +163,7 @@ class _RepresentativeFaces:
         """Error of a spline with `gaps` gaps, of the incoherent sum of the faces."""
         if not len(self._size):
             return 0.0
-        # At more times than there are knots and gaps, and evenly in step with nothing that vibrates.
+        # At more times than knots and gaps, aperiodic as vibrations may be in step.
         finest = max(gaps, len(self._phases) - 1)
         tried = max(min(max(_TRIED * gaps, 2 * finest), _MOST_TRIED), finest + 1)
         sample_times = np.linspace(0.0, 1.0, gaps + 1)
@@ -211,7 +211,7 @@ def _estimate_returns(given: dict[str, Any]) -> None:
         [dr.gather(Float, given["vertices"], 3 * each + axis) - radar[axis] for each in ends] for axis in range(3)
     ]
     angle, wavenumber = solid_angles(corners), radar[3]
-    # Large faces are traced in pieces: about k width^2 / (4 distance) is how far the phase bulges.
+    # Large faces are traced in pieces; the bulge of the phase is about k width^2 / (4 distance).
     width, near = width_and_distance(corners)
     share = dr.sqrt(dr.minimum(8.0 * FACET_BULGE * near / dr.maximum(wavenumber * width * width, 1e-300), 1.0))
     strength = abs(angle) * share * mean_phasor(corners, 0.5 * wavenumber * share)
@@ -234,7 +234,7 @@ def _mean_phasor(phases: FloatArray) -> ComplexArray:
     a, b, c = np.sort(phases, axis=0)
     first, last = (np.exp(-0.5j * (x + y)) * np.sinc((y - x) / (2 * np.pi)) for x, y in ((a, b), (b, c)))
     spread = c - a
-    # Below that, what is lost of digits is more than what the mean phase misses: the square over 36.
+    # Below, cancellation exceeds the error of the mean phase, the square over 36.
     narrow = spread < 1e-5
     return np.asarray(np.where(narrow, np.exp(-1j * b), 2j * (last - first) / np.where(narrow, 1.0, spread)))
 

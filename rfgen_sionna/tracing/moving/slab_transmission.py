@@ -77,7 +77,7 @@ class SlabTransmission:
             within = np.maximum(_WITHIN * width[left], surely * height[left])
             within = np.minimum(within, _MAX_EXTRAPOLATION * distance[left])
             towards = middle[left] - within[:, None] * inward[left]
-            # What is bent is before the plane of its facet, a little.
+            # Curved facets lie slightly before their plane.
             targets = viewpoint + (1.0 - within / distance[left])[:, None] * towards
             chain = slab_tracer(viewpoint, targets, None, facets.number[owner[edged[left]]])
             visible = np.flatnonzero(chain.unblocked & (chain.crossed[:, 0] != NO_SLAB))
@@ -105,7 +105,7 @@ class SlabTransmission:
             across /= np.maximum(np.sqrt(sin2), 1e-9)[:, None]
             tx, rx = self._band.fields
             both = tx @ rx - (k @ tx) * (k @ rx)
-            # Of fields across each other nothing comes back to the first order, and each polarisation is as good.
+            # Orthogonal fields return nothing to first order; both polarisations count alike.
             s = np.full(len(k), 0.5)
             s = np.clip(np.divide((across @ tx) * (across @ rx), both, out=s, where=np.abs(both) > 1e-6), 0.0, 1.0)
             for each in np.unique(slab[slab != NO_SLAB]):

@@ -100,7 +100,7 @@ def choose_refinement(
     """
     chosen, rounds, rest = [np.zeros(0, np.intp)], 1, np.zeros(len(level))
     missed = np.where(has_shadow_edge(shares)[:, None], leave_one_out(gains), 0.0)
-    # An edge that moves on by a wavelength from one instant to the next may seem to rest.
+    # A boundary that moves by a wavelength per gap may appear to rest.
     swing = width * np.abs(np.diff(shares)).max(axis=1)
     visible = np.where(has_shadow_edge(shares), largest_energy(gains), 0.0)
     gaps = gains.shape[1] - 1
@@ -111,7 +111,7 @@ def choose_refinement(
         allowed = BETWEEN_PER_RTOL * rtol * level[number]
         able = mine[steady[mine] & (energy[mine] > 0)]
         able = able[np.argsort(-energy[able], kind="stable")]
-        # What the others miss when the first so many are followed: one by one, and as they add up, side by side.
+        # Error of the others if the first n are followed: incoherent and coherent sums.
         apart, together = np.zeros(len(able) + 1), np.zeros((len(able) + 1, missed.shape[1]), np.complex128)
         np.cumsum(energy[able], out=apart[1:])
         np.cumsum(missed[able], axis=0, out=together[1:])
@@ -164,7 +164,7 @@ def max_subdivisions(sample_times: int, most: int = MAX_SUBDIVISIONS) -> int:
 
 def fine_times(sample_times: FloatArray, rounds: int) -> FloatArray:
     """(time,) `rounds` times per gap of the evenly spaced `sample_times` [s], which are among them."""
-    part = np.arange(rounds) / rounds  # those of twice as many hold these to the bit
+    part = np.arange(rounds) / rounds  # twice as many contain these exactly
     between = sample_times[:-1, None] + part * np.diff(sample_times)[:, None]
     return np.append(between, sample_times[-1])
 
@@ -201,7 +201,7 @@ class TemporalRefinement:
         self._band, self._visibility, self._returns = band, visibility, returns
         self._viewpoint, self._max_range, self._rtol = viewpoint, max_range, rtol
         self._pairs = int(np.prod([len(each) for each in band.elements]))
-        self._tolerance_group = tolerance_group  # (surface,) what shares one tolerance
+        self._tolerance_group = tolerance_group
 
     def choose(
         self,
@@ -222,7 +222,7 @@ class TemporalRefinement:
         surface = self._tolerance_group[facets[half].surface]
         own = Facets.taken(facets, some)
         ends = lengths(own[half].corners - self._viewpoint)
-        # Who comes into the range window is not coming out of a shadow.
+        # Entering the range window is not leaving a shadow.
         near = np.all([lengths(each.centroids - self._viewpoint) < self._max_range for each in own], axis=0)
         corrections = [None if each is None else each.within(some) for each in boundary_correction]
         found = choose_refinement(
@@ -285,7 +285,6 @@ class TemporalRefinement:
                         [per_element(each, t) for each, t in zip(single, some.tolist(), strict=True)]
                     )
                 known, sampled = np.concatenate([known, some]), VisibleFacets.joined([sampled, found])
-            # All that is known is at these times, though not in their order.
             order = np.argsort(known)
             own, references = sampled.facets, sampled.facets.centroids
             every = np.arange(len(own))

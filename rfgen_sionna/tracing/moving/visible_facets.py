@@ -155,21 +155,13 @@ class VisibleFacets:
             np.concatenate([getattr(each, name) for each in parts])
             for name in ("fraction", "weight", "pieces", "occluder", "silhouette")
         )
-        return VisibleFacets(
-            Facets.joined([each.facets for each in parts]),
-            fraction,
-            weight,
-            np.concatenate([each.owner + start for each, start in zip(parts, first[:-1], strict=True)]),
-            pieces,
-            occluder,
-            silhouette,
-            np.min([each.level for each in parts], axis=0),
-            np.max([each.missed for each in parts], axis=0),
-            sum(each.sampled_facets for each in parts),
-            sum(each.rays for each in parts),
-            np.max([np.broadcast_to(each.culled, len(each.level)) for each in parts], axis=0),
-            _joined_elements([each.per_element for each in parts], first.tolist()),
-        )
+        owner = np.concatenate([each.owner + start for each, start in zip(parts, first[:-1], strict=True)])
+        level, missed = np.min([each.level for each in parts], axis=0), np.max([each.missed for each in parts], axis=0)
+        count, rays = sum(each.sampled_facets for each in parts), sum(each.rays for each in parts)
+        culled = np.max([np.broadcast_to(each.culled, len(each.level)) for each in parts], axis=0)
+        elements = _joined_elements([each.per_element for each in parts], first.tolist())
+        given = fraction, weight, owner, pieces, occluder, silhouette, level, missed, count, rays, culled, elements
+        return VisibleFacets(Facets.joined([each.facets for each in parts]), *given)
 
 
 def _joined_elements(parts: Sequence[PerElementVisibility | None], first: Sequence[int]) -> PerElementVisibility | None:
