@@ -41,10 +41,8 @@ def house(rng: np.random.Generator, width: float) -> Piece:
     for a, b in (((x, y), (x, -y)), ((x, -y), (-x, -y)), ((-x, -y), (-x, y))):
         parts.append(quad([(*b, 0), (*a, 0), (*a, height), (*b, height)]).of(wall))
     rise, over = rng.uniform(0.25, 0.5) * depth, 0.35
-    ends = [
-        [(s * (x + over), -y - over, height), (s * (x + over), y + over, height), (s * (x + over), 0, height + rise)]
-        for s in (-1, 1)
-    ]
+    ends = [[(s * (x + over), -y - over, height), (s * (x + over), y + over, height),
+        (s * (x + over), 0, height + rise)] for s in (-1, 1)]  # fmt: skip
     parts.append(loft(ends).of("roof tiles"))
     if rng.random() < 0.7:
         parts.append(
@@ -58,25 +56,12 @@ def shed(rng: np.random.Generator) -> Piece:
     """A hut of boards with a pent roof, its door towards +y."""
     w, d, h = rng.uniform(2.0, 3.2), rng.uniform(1.8, 2.4), rng.uniform(1.9, 2.3)
     boards = [box((a, d / 2, 0.05), (a + 0.13, d / 2 + 0.02, h)) for a in np.arange(-w / 2, w / 2 - 0.1, 0.15)]
-    roof = [
-        [
-            (s * (w / 2 + 0.2), -d / 2 - 0.2, h - 0.05),
-            (s * (w / 2 + 0.2), d / 2 + 0.3, h + 0.3),
-            (s * (w / 2 + 0.2), d / 2 + 0.3, h + 0.36),
-            (s * (w / 2 + 0.2), -d / 2 - 0.2, h + 0.01),
-        ]
-        for s in (-1, 1)
-    ]
-    return piece(
-        "shed",
-        [
-            box((-w / 2, -d / 2, 0), (w / 2, d / 2, h)).of("wood"),
-            joined(boards).of("wood"),
-            block(0.85, 0.05, 1.8, rng.uniform(-0.25, 0.25) * w, d / 2 + 0.03, 0.05).of("painted wood"),
-            loft(roof).of("roof tiles"),
-        ],
-        (w + 0.4, d + 0.5),
-    )
+    roof = [[(s * (w / 2 + 0.2), -d / 2 - 0.2, h - 0.05), (s * (w / 2 + 0.2), d / 2 + 0.3, h + 0.3),
+        (s * (w / 2 + 0.2), d / 2 + 0.3, h + 0.36),
+        (s * (w / 2 + 0.2), -d / 2 - 0.2, h + 0.01)] for s in (-1, 1)]  # fmt: skip
+    return piece("shed", [box((-w / 2, -d / 2, 0), (w / 2, d / 2, h)).of("wood"), joined(boards).of("wood"),
+        block(0.85, 0.05, 1.8, rng.uniform(-0.25, 0.25) * w, d / 2 + 0.03, 0.05).of("painted wood"),
+        loft(roof).of("roof tiles")], (w + 0.4, d + 0.5))  # fmt: skip
 
 
 def lockers(rng: np.random.Generator) -> Piece:
@@ -105,18 +90,10 @@ def wall_bench(rng: np.random.Generator) -> Piece:
 
 def extinguisher(rng: np.random.Generator) -> Piece:
     z = rng.uniform(0.7, 1.0)
-    return piece(
-        "fire extinguisher",
-        [
-            lathe([(0.07, 0), (0.075, 0.03), (0.075, 0.4), (0.03, 0.47), (0.0, 0.47)], 14)
-            .at(0, 0, z)
-            .of("painted metal"),
-            tube(
-                [(0, 0, z + 0.46), (0.0, 0.05, z + 0.54), (0.09, 0.05, z + 0.45), (0.09, 0.03, z + 0.15)], 0.014, 5
-            ).of("rubber"),
-            block(0.12, 0.03, 0.1, 0, -0.08, z + 0.3).of("metal"),
-        ],
-    )
+    return piece("fire extinguisher", [lathe([(0.07, 0), (0.075, 0.03), (0.075, 0.4), (0.03, 0.47), (0.0, 0.47)],
+        14).at(0, 0, z).of("painted metal"), tube([(0, 0, z + 0.46), (0.0, 0.05, z + 0.54), (0.09, 0.05, z + 0.45),
+        (0.09, 0.03, z + 0.15)], 0.014, 5).of("rubber"),
+        block(0.12, 0.03, 0.1, 0, -0.08, z + 0.3).of("metal")])  # fmt: skip
 
 
 def notice_board(rng: np.random.Generator) -> Piece:
@@ -134,12 +111,8 @@ def tyres(rng: np.random.Generator) -> Piece:
     """A stack of tyres."""
     r, t = 0.31, 0.1
     count = int(rng.integers(2, 5))
-    parts = [
-        ring(r - t, t, 22, 8)
-        .scaled(1, 1, 0.95)
-        .at(rng.uniform(-0.02, 0.02), rng.uniform(-0.02, 0.02), t * (0.95 + 1.9 * i))
-        for i in range(count)
-    ]
+    parts = [ring(r - t, t, 22, 8).scaled(1, 1, 0.95).at(rng.uniform(-0.02, 0.02), rng.uniform(-0.02, 0.02),
+        t * (0.95 + 1.9 * i)) for i in range(count)]  # fmt: skip
     return piece("tyres", [part.of("rubber") for part in parts])
 
 
@@ -158,16 +131,8 @@ def tool_wall(rng: np.random.Generator) -> Piece:
                 parts.append(tube([(x, 0.025, top), (x, 0.025, top - long)], 0.013, 5).of("wood"))
                 parts.append(block(0.11, 0.03, 0.035, x, 0.025, top - 0.03).of("dark metal"))
             else:
-                parts.append(
-                    quad(
-                        [
-                            (x + 0.05, 0.016, top - 0.3),
-                            (x - 0.02, 0.016, top - 0.3),
-                            (x - 0.05, 0.016, top),
-                            (x + 0.05, 0.016, top),
-                        ]
-                    ).of("metal")
-                )
+                parts.append(quad([(x + 0.05, 0.016, top - 0.3), (x - 0.02, 0.016, top - 0.3), (x - 0.05, 0.016, top),
+                    (x + 0.05, 0.016, top)]).of("metal"))  # fmt: skip
     return piece("tool wall", parts)
 
 

@@ -20,15 +20,8 @@ def plant(rng: np.random.Generator) -> Piece:
     """A pot with long or with bushy leaves."""
     r, tall = rng.uniform(0.13, 0.19), rng.uniform(0.7, 1.5)
     pot_height = 1.7 * r
-    pot = lathe(
-        [
-            (0.75 * r, 0),
-            (r, pot_height),
-            (0.88 * r, pot_height),
-            (0.85 * r, 0.85 * pot_height),
-            (0.0, 0.85 * pot_height),
-        ]
-    ).of(pick(rng, "ceramic", "plastic", "bright plastic"))
+    pot = lathe([(0.75 * r, 0), (r, pot_height), (0.88 * r, pot_height), (0.85 * r, 0.85 * pot_height),
+        (0.0, 0.85 * pot_height)]).of(pick(rng, "ceramic", "plastic", "bright plastic"))  # fmt: skip
     parts = [pot]
     if rng.random() < 0.5:
         for a in rng.uniform(0, 2 * np.pi, int(rng.integers(9, 15))):
@@ -97,20 +90,16 @@ def ceiling_lamp(rng: np.random.Generator, height: float) -> Piece:
 
 def ceiling_panel(rng: np.random.Generator, height: float) -> Piece:
     """A strip light under a ceiling at `height` [m]."""
-    parts = [
-        block(1.25, 0.3, 0.05, z=height - 0.06).of("metal"),
-        box((-0.6, -0.12, height - 0.075), (0.6, 0.12, height - 0.06)).of("white plastic"),
-    ]
+    parts = [block(1.25, 0.3, 0.05, z=height - 0.06).of("metal"), box((-0.6, -0.12, height - 0.075),
+        (0.6, 0.12, height - 0.06)).of("white plastic")]  # fmt: skip
     return piece("strip light", parts)
 
 
 def whiteboard(rng: np.random.Generator, width: float | None = None, kind: str = "whiteboard") -> Piece:
     width, height, z = width or rng.uniform(1.2, 2.0), rng.uniform(0.9, 1.2), 0.92
     board = "blackboard" if kind == "blackboard" else "ceramic"
-    parts = [
-        block(width, 0.015, height, 0, 0, z).of(board),
-        block(width - 0.1, 0.08, 0.012, 0, 0.045, z - 0.01).of("metal"),
-    ]
+    parts = [block(width, 0.015, height, 0, 0, z).of(board), block(width - 0.1, 0.08, 0.012, 0, 0.045,
+        z - 0.01).of("metal")]  # fmt: skip
     for s in (-1, 1):
         parts.append(block(0.03, 0.03, height, s * width / 2, 0.0, z).of("metal"))
         parts.append(block(width, 0.03, 0.03, 0, 0.0, z + (0 if s < 0 else height)).of("metal"))
@@ -119,10 +108,8 @@ def whiteboard(rng: np.random.Generator, width: float | None = None, kind: str =
 
 def waste_bin(rng: np.random.Generator) -> Piece:
     r, h = rng.uniform(0.12, 0.17), rng.uniform(0.28, 0.42)
-    return piece(
-        "bin",
-        [lathe([(0.8 * r, 0), (r, h), (0.93 * r, h), (0.75 * r, 0.02), (0.0, 0.02)]).of(pick(rng, "plastic", "metal"))],
-    )
+    return piece("bin", [lathe([(0.8 * r, 0), (r, h), (0.93 * r, h), (0.75 * r, 0.02),
+        (0.0, 0.02)]).of(pick(rng, "plastic", "metal"))])  # fmt: skip
 
 
 def coat_rack(rng: np.random.Generator) -> Piece:
@@ -149,15 +136,8 @@ def sink(rng: np.random.Generator) -> Piece:
     top = [(-width / 2, -r), (r, width / 2)]
     parts += [box((a, -depth / 2, h - 0.04), (b, depth / 2, h)).of("ceramic") for a, b in top]
     parts += [box((-r, a, h - 0.04), (r, b, h)).of("ceramic") for a, b in ((-depth / 2, -r), (r, depth / 2))]
-    basin = [
-        (0.04, -0.16),
-        (0.13, -0.15),
-        (r, 0.0),
-        (r + 0.012, 0.004),
-        (r - 0.006, -0.005),
-        (0.12, -0.14),
-        (0.0, -0.15),
-    ]
+    basin = [(0.04, -0.16), (0.13, -0.15), (r, 0.0), (r + 0.012, 0.004), (r - 0.006, -0.005), (0.12, -0.14),
+        (0.0, -0.15)]  # fmt: skip
     parts.append(lathe(basin, 18).at(z=h).of("metal"))
     parts.append(
         tube([(0, -0.23, h), (0, -0.23, h + 0.25), (0, -0.16, h + 0.29), (0, -0.08, h + 0.22)], 0.013).of("metal")

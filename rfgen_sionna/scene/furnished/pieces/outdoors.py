@@ -32,13 +32,8 @@ def tree(rng: np.random.Generator) -> Piece:
         return piece("tree", [*parts, leaves(places, 0.16, rng).of("leaf")], (4 * r, 4 * r))
     fork = rng.uniform(0.32, 0.45) * tall
     bend = rng.normal(0, 0.1, 2)
-    parts = [
-        tube(
-            [(0, 0, 0), (0, 0, 0.15), (0.5 * bend[0], 0.5 * bend[1], 0.6 * fork), (*bend, fork)],
-            [1.5 * r, 1.05 * r, 0.9 * r, 0.75 * r],
-            9,
-        ).of("bark")
-    ]
+    parts = [tube([(0, 0, 0), (0, 0, 0.15), (0.5 * bend[0], 0.5 * bend[1], 0.6 * fork), (*bend, fork)],
+        [1.5 * r, 1.05 * r, 0.9 * r, 0.75 * r], 9).of("bark")]  # fmt: skip
     count = int(rng.integers(4, 7))
     for a in 2 * np.pi * np.arange(count) / count + rng.uniform(0, 0.8, count):
         reach = rng.uniform(0.12, 0.24) * tall
@@ -81,59 +76,22 @@ def car(rng: np.random.Generator) -> Piece:
     paint = pick(rng, "car paint", "painted metal", "metal", "dark metal")
     belt, low, half = (0.9, 0.92, 1.1)[kind], 0.22, length / 2
     # Stations from the tail to the nose: y, lower edge, upper edge, share of the width.
-    body = {
-        0: [
-            (-1, 0.38, 0.82, 0.86),
-            (-0.97, 0.30, 0.92, 0.94),
-            (-0.6, low, 0.94, 1),
-            (0.0, low, 0.92, 1),
-            (0.4, low, 0.90, 1),
-            (0.75, low, 0.80, 0.98),
-            (0.95, 0.27, 0.70, 0.92),
-            (1, 0.36, 0.60, 0.82),
-        ],
-        1: [
-            (-1, 0.38, 0.90, 0.90),
-            (-0.97, 0.30, 0.95, 0.96),
-            (-0.6, low, 0.95, 1),
-            (0.0, low, 0.93, 1),
-            (0.4, low, 0.91, 1),
-            (0.75, low, 0.82, 0.98),
-            (0.95, 0.27, 0.70, 0.92),
-            (1, 0.36, 0.60, 0.82),
-        ],
-        2: [
-            (-1, 0.35, 1.08, 0.94),
-            (-0.98, 0.28, 1.1, 0.98),
-            (-0.5, low, 1.1, 1),
-            (0.2, low, 1.1, 1),
-            (0.6, low, 1.08, 1),
-            (0.85, low, 0.98, 0.98),
-            (0.97, 0.28, 0.85, 0.92),
-            (1, 0.38, 0.7, 0.86),
-        ],
-    }[kind]
+    body = {0: [(-1, 0.38, 0.82, 0.86), (-0.97, 0.30, 0.92, 0.94), (-0.6, low, 0.94, 1), (0.0, low, 0.92, 1),
+        (0.4, low, 0.90, 1), (0.75, low, 0.80, 0.98), (0.95, 0.27, 0.70, 0.92), (1, 0.36, 0.60, 0.82)],
+        1: [(-1, 0.38, 0.90, 0.90), (-0.97, 0.30, 0.95, 0.96), (-0.6, low, 0.95, 1), (0.0, low, 0.93, 1),
+        (0.4, low, 0.91, 1), (0.75, low, 0.82, 0.98), (0.95, 0.27, 0.70, 0.92), (1, 0.36, 0.60, 0.82)],
+        2: [(-1, 0.35, 1.08, 0.94), (-0.98, 0.28, 1.1, 0.98), (-0.5, low, 1.1, 1), (0.2, low, 1.1, 1),
+        (0.6, low, 1.08, 1), (0.85, low, 0.98, 0.98), (0.97, 0.28, 0.85, 0.92),
+        (1, 0.38, 0.7, 0.86)]}[kind]  # fmt: skip
     stations = []
     for y, z0, z1, share in body:
         w, c = 0.5 * width * share, 0.10
-        stations.append(
-            [
-                (-w, y * half, z0 + c),
-                (-w, y * half, z1 - c),
-                (-w + c, y * half, z1),
-                (w - c, y * half, z1),
-                (w, y * half, z1 - c),
-                (w, y * half, z0 + c),
-                (w - c, y * half, z0),
-                (-w + c, y * half, z0),
-            ]
-        )
+        stations.append([(-w, y * half, z0 + c), (-w, y * half, z1 - c), (-w + c, y * half, z1), (w - c, y * half, z1),
+            (w, y * half, z1 - c), (w, y * half, z0 + c), (w - c, y * half, z0), (-w + c, y * half, z0)])  # fmt: skip
     parts = [loft(stations).of(paint)]
-    outline = {
-        0: [(-0.80, belt), (-0.42, roof), (0.08, roof), (0.42, belt - 0.02)],
+    outline = {0: [(-0.80, belt), (-0.42, roof), (0.08, roof), (0.42, belt - 0.02)],
         1: [(-0.97, belt), (-0.86, roof), (0.10, roof), (0.44, belt - 0.02)],
-        2: [(-0.99, belt), (-0.97, roof), (0.52, roof), (0.74, belt - 0.02)],
-    }[kind]
+        2: [(-0.99, belt), (-0.97, roof), (0.52, roof), (0.74, belt - 0.02)]}[kind]  # fmt: skip
     parts += _cabin([(y * half, z) for y, z in outline], width, paint)
     for y in (-0.60 * half, 0.62 * half):
         for s in (-1, 1):
@@ -141,11 +99,8 @@ def car(rng: np.random.Generator) -> Piece:
     for s in (-1, 1):
         parts.append(cushion((0.3, 0.06, 0.13), 0.03, cells=2).at(s * 0.33 * width, 0.985 * half, 0.62).of("window"))
         parts.append(cushion((0.24, 0.05, 0.16), 0.02, cells=2).at(s * 0.36 * width, -half, 0.76).of("bright plastic"))
-        parts.append(
-            cushion((0.16, 0.09, 0.12), 0.04, cells=2)
-            .at(s * (0.5 * width + 0.06), outline[3][0] - 0.25, belt + 0.07)
-            .of(paint)
-        )
+        parts.append(cushion((0.16, 0.09, 0.12), 0.04, cells=2).at(s * (0.5 * width + 0.06), outline[3][0] - 0.25,
+            belt + 0.07).of(paint))  # fmt: skip
         for y in (-0.12 * half, 0.16 * half):
             parts.append(block(0.03, 0.15, 0.025, s * 0.5 * width, y, belt - 0.16).of("metal"))
     parts.append(block(0.52, 0.03, 0.11, 0, half, 0.42).of("white plastic"))
@@ -158,15 +113,9 @@ def _cabin(outline: list[tuple[float, float]], width: float, paint: str) -> list
     (ya, za), (yb, zb), (yc, zc), (yd, zd) = outline
     wl, wh = 0.48 * width, 0.40 * width
     low = np.array([(ya, za), (yd, zd)])
-    rings = [
-        [
-            (-wl, low[0, 0], low[0, 1]),
-            (-wl, low[1, 0], low[1, 1]),
-            (wl, low[1, 0], low[1, 1]),
-            (wl, low[0, 0], low[0, 1]),
-        ],
-        [(-wh, yb, zb - 0.06), (-wh, yc, zc - 0.06), (wh, yc, zc - 0.06), (wh, yb, zb - 0.06)],
-    ]
+    rings = [[(-wl, low[0, 0], low[0, 1]), (-wl, low[1, 0], low[1, 1]), (wl, low[1, 0], low[1, 1]),
+        (wl, low[0, 0], low[0, 1])], [(-wh, yb, zb - 0.06), (-wh, yc, zc - 0.06), (wh, yc, zc - 0.06),
+        (wh, yb, zb - 0.06)]]  # fmt: skip
     glass = loft([ring_[::-1] for ring_ in rings]).of("window")
     roof = cushion((2 * wh + 0.02, yc - yb + 0.06, 0.08), 0.04).at(0, 0.5 * (yb + yc), zb - 0.04).of(paint)
     parts = [glass, roof]
@@ -180,16 +129,9 @@ def _cabin(outline: list[tuple[float, float]], width: float, paint: str) -> list
 
 def _wheel(radius: float, width: float, x: float, y: float) -> list[Part]:
     """Tyre, rim and spokes of a wheel whose outside is at +x."""
-    profile = [
-        (0.62 * radius, -width / 2),
-        (0.93 * radius, -width / 2),
-        (radius, -0.3 * width),
-        (radius, 0.3 * width),
-        (0.93 * radius, width / 2),
-        (0.64 * radius, width / 2),
-        (0.6 * radius, 0.25 * width),
-        (0.0, 0.25 * width),
-    ]
+    profile = [(0.62 * radius, -width / 2), (0.93 * radius, -width / 2), (radius, -0.3 * width), (radius, 0.3 * width),
+        (0.93 * radius, width / 2), (0.64 * radius, width / 2), (0.6 * radius, 0.25 * width),
+        (0.0, 0.25 * width)]  # fmt: skip
     tyre = lathe(profile, 18).turned(90, "y").at(x, y, radius).of("rubber")
     disc = lathe([(0.6 * radius, 0), (0.6 * radius, 0.02), (0.15 * radius, 0.045), (0.0, 0.045)], 18).turned(90, "y")
     return [tyre, disc.at(x + 0.27 * width, y, radius).of("metal")]
@@ -219,11 +161,8 @@ def bicycle(rng: np.random.Generator) -> Piece:
     parts.append(cushion((0.15, 0.26, 0.06), 0.028).at(*(seat + (0, -0.02, 0.13))).of("leather"))
     bar = head + (0, -0.02, 0.17)
     parts.append(tube([head, bar], 0.013).of("metal"))
-    parts.append(
-        tube([bar + (-0.29, -0.12, 0), bar + (-0.2, 0, 0.02), bar + (0.2, 0, 0.02), bar + (0.29, -0.12, 0)], 0.012).of(
-            "metal"
-        )
-    )
+    parts.append(tube([bar + (-0.29, -0.12, 0), bar + (-0.2, 0, 0.02), bar + (0.2, 0, 0.02), bar + (0.29, -0.12, 0)],
+        0.012).of("metal"))  # fmt: skip
     for s in (-1, 1):
         parts.append(
             tube([crank, crank + (s * 0.06, 0, 0), crank + (s * 0.08, s * 0.12, s * 0.12)], 0.009, 5).of("metal")
@@ -235,13 +174,9 @@ def bicycle(rng: np.random.Generator) -> Piece:
 
 def lamp_post(rng: np.random.Generator) -> Piece:
     h, arm = rng.uniform(4.0, 6.5), rng.uniform(0.6, 1.3)
-    parts = [
-        lathe([(0.13, 0), (0.12, 0.35), (0.07, 0.4), (0.0, 0.4)], 10).of("dark metal"),
-        tube([(0, 0, 0.3), (0, 0, h - 0.4), (0, 0.25 * arm, h - 0.05), (0, arm, h)], [0.07, 0.05, 0.045, 0.04], 8).of(
-            "dark metal"
-        ),
-        cushion((0.22, 0.55, 0.1), 0.04).at(0, arm + 0.15, h - 0.02).of("dark metal"),
-    ]
+    parts = [lathe([(0.13, 0), (0.12, 0.35), (0.07, 0.4), (0.0, 0.4)], 10).of("dark metal"),
+        tube([(0, 0, 0.3), (0, 0, h - 0.4), (0, 0.25 * arm, h - 0.05), (0, arm, h)], [0.07, 0.05, 0.045, 0.04],
+        8).of("dark metal"), cushion((0.22, 0.55, 0.1), 0.04).at(0, arm + 0.15, h - 0.02).of("dark metal")]  # fmt: skip
     return piece("lamp post", parts, (0.3, 0.3))
 
 
@@ -250,25 +185,15 @@ def sign(rng: np.random.Generator) -> Piece:
     h = rng.uniform(2.2, 2.6)
     sides = int(rng.choice([3, 8, 24]))
     plate = lathe([(0.32, 0), (0.32, 0.012), (0.0, 0.012)], sides).turned(-90, "x").turned(90 if sides == 3 else 0, "y")
-    return piece(
-        "traffic sign",
-        [tube([(0, 0, 0), (0, 0, h + 0.25)], 0.032, 8).of("metal"), plate.at(0, 0.034, h).of("metal")],
-        (0.3, 0.3),
-    )
+    return piece("traffic sign", [tube([(0, 0, 0), (0, 0, h + 0.25)], 0.032, 8).of("metal"),
+        plate.at(0, 0.034, h).of("metal")], (0.3, 0.3))  # fmt: skip
 
 
 def litter_bin(rng: np.random.Generator) -> Piece:
     r = rng.uniform(0.2, 0.26)
-    return piece(
-        "litter bin",
-        [
-            lathe([(0.9 * r, 0.05), (r, 0.1), (r, 0.75), (0.92 * r, 0.75), (0.9 * r, 0.6), (0.0, 0.6)], 16).of(
-                "dark metal"
-            ),
-            lathe([(1.05 * r, 0.88), (0.6 * r, 0.98), (0.0, 1.0)], 16).of("dark metal"),
-            *[tube([(0.9 * r * c, 0, 0), (0.9 * r * c, 0, 0.9)], 0.015, 5).of("dark metal") for c in (-1, 1)],
-        ],
-    )
+    return piece("litter bin", [lathe([(0.9 * r, 0.05), (r, 0.1), (r, 0.75), (0.92 * r, 0.75), (0.9 * r, 0.6),
+        (0.0, 0.6)], 16).of("dark metal"), lathe([(1.05 * r, 0.88), (0.6 * r, 0.98), (0.0, 1.0)], 16).of("dark metal"),
+        *[tube([(0.9 * r * c, 0, 0), (0.9 * r * c, 0, 0.9)], 0.015, 5).of("dark metal") for c in (-1, 1)]])  # fmt: skip
 
 
 def wheelie_bin(rng: np.random.Generator) -> Piece:
@@ -277,10 +202,8 @@ def wheelie_bin(rng: np.random.Generator) -> Piece:
         [[(-a, -b, z), (a, -b, z), (a, b, z), (-a, b, z)] for a, b, z in ((0.2, 0.22, 0.08), (0.28, 0.32, 0.95))]
     )
     parts = [body.of("plastic"), box((-0.3, -0.36, 0.95), (0.3, 0.34, 1.03)).of("plastic")]
-    parts += [
-        lathe([(0.1, -0.03), (0.1, 0.03), (0.0, 0.03)], 12).turned(90, "y").at(s * 0.26, -0.26, 0.1).of("rubber")
-        for s in (-1, 1)
-    ]
+    parts += [lathe([(0.1, -0.03), (0.1, 0.03), (0.0, 0.03)],
+        12).turned(90, "y").at(s * 0.26, -0.26, 0.1).of("rubber") for s in (-1, 1)]  # fmt: skip
     parts.append(tube([(-0.22, -0.38, 0.98), (0.22, -0.38, 0.98)], 0.015).of("plastic"))
     return piece("dustbin", parts)
 

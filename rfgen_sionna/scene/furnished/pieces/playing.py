@@ -39,10 +39,8 @@ def slide(rng: np.random.Generator) -> Piece:
     parts = [Part(net, grid_faces(12, 4)[:, ::-1]).of(colour)]
     for side in (-1, 1):
         parts.append(tube([(side * w, yy, zz + 0.16) for yy, zz in zip(y, z, strict=True)], 0.022).of(colour))
-        parts += [
-            tube([(side * (w + 0.03), yy, 0), (side * (w + 0.03), yy, h + 0.75)], 0.025).of("metal")
-            for yy in (y0 - 0.45, y0)
-        ]
+        parts += [tube([(side * (w + 0.03), yy, 0), (side * (w + 0.03), yy, h + 0.75)],
+            0.025).of("metal") for yy in (y0 - 0.45, y0)]  # fmt: skip
         parts.append(
             tube([(side * (w + 0.03), y0 - 0.45, h + 0.72), (side * (w + 0.03), y0, h + 0.72)], 0.02).of("metal")
         )
@@ -85,10 +83,8 @@ def climbing_frame(rng: np.random.Generator) -> Piece:
                 if k:
                     parts.append(tube([points[k][i], points[k][(i + 1) % count]], 0.018, 5).of("painted metal"))
                 if k < 3:
-                    parts += [
-                        tube([points[k][i], points[k + 1][(i + o) % count]], 0.018, 5).of("painted metal")
-                        for o in ((0, -1) if k % 2 == 0 else (0, 1))
-                    ]
+                    parts += [tube([points[k][i], points[k + 1][(i + o) % count]], 0.018,
+                        5).of("painted metal") for o in ((0, -1) if k % 2 == 0 else (0, 1))]  # fmt: skip
         return piece("climbing frame", parts)
     side, deck, top = rng.uniform(1.1, 1.4), rng.uniform(1.0, 1.4), 2.4
     parts = [block(0.1, 0.1, top, x, y).of("wood") for x, y in corners(side, side, 0.05)]
@@ -100,18 +96,12 @@ def climbing_frame(rng: np.random.Generator) -> Piece:
             .at(s * 0.5 * side * 1.15, 0, top - 0.1)
             .of("bright plastic")
         )
-        parts += [
-            tube([(s * side / 2, -side / 2, z), (s * side / 2, side / 2, z)], 0.02).of("painted metal")
-            for z in (deck + 0.35, deck + 0.7)
-        ]
-    parts += [
-        tube([(-side / 2, side / 2, z), (side / 2, side / 2, z)], 0.02).of("painted metal")
-        for z in np.arange(0.25, deck, 0.28)
-    ]
-    parts += [
-        tube([(-side / 2, -side / 2, z), (side / 2, -side / 2, z)], 0.02).of("painted metal")
-        for z in (deck + 0.35, deck + 0.7)
-    ]
+        parts += [tube([(s * side / 2, -side / 2, z), (s * side / 2, side / 2, z)],
+            0.02).of("painted metal") for z in (deck + 0.35, deck + 0.7)]  # fmt: skip
+    parts += [tube([(-side / 2, side / 2, z), (side / 2, side / 2, z)],
+        0.02).of("painted metal") for z in np.arange(0.25, deck, 0.28)]  # fmt: skip
+    parts += [tube([(-side / 2, -side / 2, z), (side / 2, -side / 2, z)],
+        0.02).of("painted metal") for z in (deck + 0.35, deck + 0.7)]  # fmt: skip
     return piece("climbing frame", parts)
 
 
@@ -119,15 +109,10 @@ def spring_rider(rng: np.random.Generator) -> Piece:
     """A little animal on a spring."""
     turn = np.linspace(0, 2 * np.pi * 5, 50)
     coil = np.stack([0.09 * np.cos(turn), 0.09 * np.sin(turn), 0.02 + 0.36 * turn / turn[-1]], -1)
-    return piece(
-        "spring rider",
-        [
-            tube(coil, 0.013, 5).of("metal"),
-            cushion((0.2, 0.75, 0.28), 0.09, 0.02).at(z=0.54).of("bright plastic"),
-            cushion((0.16, 0.2, 0.34), 0.07).turned(-25, "x").at(0, 0.36, 0.76).of("bright plastic"),
-            tube([(-0.2, 0.22, 0.78), (0.2, 0.22, 0.78)], 0.016).of("metal"),
-        ],
-    )
+    return piece("spring rider",
+        [tube(coil, 0.013, 5).of("metal"), cushion((0.2, 0.75, 0.28), 0.09, 0.02).at(z=0.54).of("bright plastic"),
+        cushion((0.16, 0.2, 0.34), 0.07).turned(-25, "x").at(0, 0.36, 0.76).of("bright plastic"),
+        tube([(-0.2, 0.22, 0.78), (0.2, 0.22, 0.78)], 0.016).of("metal")])  # fmt: skip
 
 
 def sandpit(rng: np.random.Generator) -> Piece:
@@ -150,21 +135,12 @@ def goal(rng: np.random.Generator) -> Piece:
     for x in np.arange(-w / 2 + 0.2, w / 2, 0.2):
         parts.append(tube([(x, d / 2, h), (x, -d / 2, 0.03)], 0.003, 3).of("plastic"))
     for t in np.arange(0.1, 1.0, 0.12):
-        parts.append(
-            tube(
-                [(-w / 2, d / 2 - d * t, h - (h - 0.03) * t), (w / 2, d / 2 - d * t, h - (h - 0.03) * t)], 0.003, 3
-            ).of("plastic")
-        )
+        parts.append(tube([(-w / 2, d / 2 - d * t, h - (h - 0.03) * t), (w / 2, d / 2 - d * t, h - (h - 0.03) * t)],
+            0.003, 3).of("plastic"))  # fmt: skip
     return piece("goal", parts)
 
 
 def basketball_hoop(rng: np.random.Generator) -> Piece:
-    return piece(
-        "basketball hoop",
-        [
-            tube([(0, -0.3, 0), (0, -0.3, 2.7), (0, 0.2, 3.0)], 0.06, 8).of("metal"),
-            block(1.2, 0.03, 0.8, 0, 0.22, 2.75).of("white plastic"),
-            ring(0.23, 0.012, 18, 5).at(0, 0.48, 2.95).of("painted metal"),
-        ],
-        (0.6, 0.9),
-    )
+    return piece("basketball hoop", [tube([(0, -0.3, 0), (0, -0.3, 2.7), (0, 0.2, 3.0)], 0.06, 8).of("metal"),
+        block(1.2, 0.03, 0.8, 0, 0.22, 2.75).of("white plastic"),
+        ring(0.23, 0.012, 18, 5).at(0, 0.48, 2.95).of("painted metal")], (0.6, 0.9))  # fmt: skip

@@ -22,11 +22,8 @@ def upholstered(rng: np.random.Generator, places: int, cover: str, arm: float, e
     ]
     arms = rng.uniform(0.56, 0.66)
     for side in (-1, 1):
-        parts.append(
-            cushion((arm, depth - 0.02, arms - 0.1), min(0.075, 0.45 * arm))
-            .at(side * 0.5 * (width - arm), 0.0, 0.1 + 0.5 * (arms - 0.1))
-            .of(cover)
-        )
+        parts.append(cushion((arm, depth - 0.02, arms - 0.1), min(0.075, 0.45 * arm)).at(side * 0.5 * (width - arm),
+            0.0, 0.1 + 0.5 * (arms - 0.1)).of(cover))  # fmt: skip
     for i in range(places):
         x = -0.5 * inner + (i + 0.5) * each
         parts.append(cushion((each - 0.012, depth - 0.25, 0.16), 0.05, 0.018).at(x, 0.11, seat - 0.05).of(cover))
@@ -121,10 +118,8 @@ def office_chair(rng: np.random.Generator) -> Piece:
 def stool(rng: np.random.Generator) -> Piece:
     h = rng.uniform(0.45, 0.65)
     top = lathe([(0.0, h - 0.04), (0.16, h - 0.04), (0.18, h - 0.02), (0.17, h), (0.0, h + 0.005)]).of("plastic")
-    feet = [
-        tube([(0.22 * np.cos(a), 0.22 * np.sin(a), 0), (0.1 * np.cos(a), 0.1 * np.sin(a), h - 0.03)], 0.013).of("metal")
-        for a in 2 * np.pi * np.arange(4) / 4 + 0.4
-    ]
+    feet = [tube([(0.22 * np.cos(a), 0.22 * np.sin(a), 0), (0.1 * np.cos(a), 0.1 * np.sin(a), h - 0.03)],
+        0.013).of("metal") for a in 2 * np.pi * np.arange(4) / 4 + 0.4]  # fmt: skip
     return piece("stool", [top, *feet])
 
 

@@ -48,17 +48,11 @@ def wardrobe(rng: np.random.Generator) -> Piece:
     each, mirror = width / doors, int(rng.integers(-2, doors))
     for i in range(doors):
         x = -width / 2 + (i + 0.5) * each
-        parts.append(
-            cushion((each - 0.01, 0.024, height - 0.14), 0.006, cells=2)
-            .at(x, depth / 2 - 0.018, height / 2 + 0.02)
-            .of(wood)
-        )
+        parts.append(cushion((each - 0.01, 0.024, height - 0.14), 0.006,
+            cells=2).at(x, depth / 2 - 0.018, height / 2 + 0.02).of(wood))  # fmt: skip
         if i == mirror:
-            parts.append(
-                box(
-                    (x - each / 2 + 0.06, depth / 2 - 0.01, 0.3), (x + each / 2 - 0.06, depth / 2 - 0.001, height - 0.2)
-                ).of("screen")
-            )
+            parts.append(box((x - each / 2 + 0.06, depth / 2 - 0.01, 0.3), (x + each / 2 - 0.06, depth / 2 - 0.001,
+                height - 0.2)).of("screen"))  # fmt: skip
         side = 1 if i % 2 == 0 else -1
         parts.append(
             tube([(x + side * (each / 2 - 0.05), depth / 2 + 0.02, z) for z in (0.95, 1.2)], 0.009, 5).of("metal")
@@ -81,11 +75,8 @@ def chest(rng: np.random.Generator, kind: str = "chest of drawers") -> Piece:
             parts.append(cushion((0.03, 0.03, 0.03), 0.014, cells=2).at(s * width, depth / 2 + 0.014, z).of("metal"))
     parts += legs(corners(width, depth, 0.05), 0.11, 0.022, wood)
     if rng.random() < 0.6:
-        parts.append(
-            lathe([(0.06, 0), (0.09, 0.08), (0.05, 0.2), (0.06, 0.26), (0.0, 0.26)])
-            .at(-0.25 * width, 0, height + 0.025)
-            .of("ceramic")
-        )
+        parts.append(lathe([(0.06, 0), (0.09, 0.08), (0.05, 0.2), (0.06, 0.26),
+            (0.0, 0.26)]).at(-0.25 * width, 0, height + 0.025).of("ceramic"))  # fmt: skip
     return piece(kind, parts)
 
 
@@ -145,20 +136,16 @@ def stored(rng: np.random.Generator) -> list[Part]:
     what = int(rng.integers(4))
     if what == 0:
         w, h = rng.uniform(0.22, 0.4), rng.uniform(0.15, 0.3)
-        return [
-            block(w, rng.uniform(0.25, 0.36), h, w / 2).of("cardboard"),
-            block(w + 0.01, 0.2, 0.02, w / 2, 0, h - 0.02).of("cardboard"),
-        ]
+        return [block(w, rng.uniform(0.25, 0.36), h, w / 2).of("cardboard"),
+            block(w + 0.01, 0.2, 0.02, w / 2, 0, h - 0.02).of("cardboard")]  # fmt: skip
     if what == 1:
         return [
             lathe([(0.08, 0), (0.08, 0.2), (0.0, 0.2)], 12).at(0.1 + 0.18 * i, rng.uniform(-0.06, 0.1)).of("metal")
             for i in range(2)
         ]
     if what == 2:
-        return [
-            cushion((0.18, 0.26, 0.3), 0.03).at(0.1, 0, 0.15).of("bright plastic"),
-            lathe([(0.025, 0), (0.02, 0.06), (0.0, 0.06)], 8).at(0.06, 0.06, 0.29).of("plastic"),
-        ]
+        return [cushion((0.18, 0.26, 0.3), 0.03).at(0.1, 0, 0.15).of("bright plastic"),
+            lathe([(0.025, 0), (0.02, 0.06), (0.0, 0.06)], 8).at(0.06, 0.06, 0.29).of("plastic")]  # fmt: skip
     return [cushion((0.3, 0.24, 0.18), 0.02, cells=2).at(0.15, 0, 0.09).of("white plastic")]
 
 
@@ -169,30 +156,19 @@ def tv_unit(rng: np.random.Generator) -> Piece:
     parts = [box((-width / 2, -depth / 2, 0.12), (width / 2, depth / 2 - 0.02, h)).of(wood)]
     for i in range(doors):
         x = -width / 2 + (i + 0.5) * width / doors
-        parts.append(
-            cushion((width / doors - 0.012, 0.022, h - 0.16), 0.005, cells=2)
-            .at(x, depth / 2 - 0.012, 0.5 * h + 0.06)
-            .of(wood)
-        )
+        parts.append(cushion((width / doors - 0.012, 0.022, h - 0.16), 0.005,
+            cells=2).at(x, depth / 2 - 0.012, 0.5 * h + 0.06).of(wood))  # fmt: skip
         parts.append(block(0.11, 0.02, 0.012, x, depth / 2 + 0.01, h - 0.1).of("metal"))
     parts += legs(corners(width, depth, 0.1), 0.13, 0.02, wood)
     screen = rng.uniform(0.95, min(1.5, width))
     tall = 0.57 * screen
     y, z = -0.05, h + 0.07
-    parts += [
-        cushion((screen, 0.045, tall), 0.012, cells=2).at(0, y, z + tall / 2).of("plastic"),
-        box((-screen / 2 + 0.015, y + 0.015, z + 0.015), (screen / 2 - 0.015, y + 0.0245, z + tall - 0.015)).of(
-            "screen"
-        ),
-    ]
+    parts += [cushion((screen, 0.045, tall), 0.012, cells=2).at(0, y, z + tall / 2).of("plastic"),
+        box((-screen / 2 + 0.015, y + 0.015, z + 0.015), (screen / 2 - 0.015, y + 0.0245,
+        z + tall - 0.015)).of("screen")]  # fmt: skip
     for s in (-0.3, 0.3):
-        parts.append(
-            tube(
-                [(s * screen, y + 0.11, h + 0.008), (s * screen, y, z + 0.02), (s * screen, y - 0.11, h + 0.008)],
-                0.012,
-                5,
-            ).of("plastic")
-        )
+        parts.append(tube([(s * screen, y + 0.11, h + 0.008), (s * screen, y, z + 0.02),
+            (s * screen, y - 0.11, h + 0.008)], 0.012, 5).of("plastic"))  # fmt: skip
     if rng.random() < 0.5:
         parts.append(cushion((0.75, 0.09, 0.07), 0.02, cells=2).at(0, depth / 2 - 0.1, h + 0.036).of("plastic"))
     return piece("television", parts)

@@ -57,12 +57,10 @@ def monitor(rng: np.random.Generator) -> list[Part]:
     """A screen on its stand; it looks towards +y."""
     width = rng.uniform(0.5, 0.7)
     height, z = 0.58 * width, rng.uniform(0.1, 0.16)
-    return [
-        cushion((width, 0.035, height), 0.01, cells=2).at(z=z + height / 2).of("plastic"),
+    return [cushion((width, 0.035, height), 0.01, cells=2).at(z=z + height / 2).of("plastic"),
         box((-width / 2 + 0.012, 0.012, z + 0.012), (width / 2 - 0.012, 0.0195, z + height - 0.012)).of("screen"),
         tube([(0, -0.02, 0.01), (0, -0.03, z + 0.1)], 0.02).of("plastic"),
-        block(0.24, 0.18, 0.012, 0, -0.01).of("plastic"),
-    ]
+        block(0.24, 0.18, 0.012, 0, -0.01).of("plastic")]  # fmt: skip
 
 
 def laptop() -> list[Part]:
@@ -77,11 +75,8 @@ def desk(rng: np.random.Generator, screens: int | None = None) -> Piece:
     top, frame = pick(rng, "board", "pale wood", "wood"), pick(rng, "metal", "dark metal")
     parts = [box((-width / 2, -depth / 2, h - 0.028), (width / 2, depth / 2, h)).of(top)]
     for x in (-width / 2 + 0.04, width / 2 - 0.04):
-        parts += [
-            block(0.05, 0.05, h - 0.07, x, 0, 0.04).of(frame),
-            block(0.06, depth - 0.1, 0.04, x, 0).of(frame),
-            block(0.05, depth - 0.1, 0.03, x, 0, h - 0.058).of(frame),
-        ]
+        parts += [block(0.05, 0.05, h - 0.07, x, 0, 0.04).of(frame), block(0.06, depth - 0.1, 0.04, x, 0).of(frame),
+            block(0.05, depth - 0.1, 0.03, x, 0, h - 0.058).of(frame)]  # fmt: skip
     parts.append(block(width - 0.16, 0.018, 0.3, 0, -depth / 2 + 0.08, h - 0.36).of(top))
     side = 1 if rng.random() < 0.5 else -1
     if rng.random() < 0.7:
@@ -111,33 +106,26 @@ def desk(rng: np.random.Generator, screens: int | None = None) -> Piece:
     if rng.random() < 0.5:
         parts += [part.at(-side * (width / 2 - 0.14), -depth / 2 + 0.14, h) for part in desk_lamp()]
     if rng.random() < 0.5:
-        parts.append(
-            lathe([(0.035, 0), (0.042, 0.09), (0.036, 0.09), (0.03, 0.01), (0.0, 0.01)], 10)
-            .at(side * 0.5, 0.15, h)
-            .of("ceramic")
-        )
+        parts.append(lathe([(0.035, 0), (0.042, 0.09), (0.036, 0.09), (0.03, 0.01), (0.0, 0.01)],
+            10).at(side * 0.5, 0.15, h).of("ceramic"))  # fmt: skip
     return piece("desk", parts, (width, depth))
 
 
 def desk_lamp() -> list[Part]:
     """A lamp with a bent arm."""
     shade = lathe([(0.07, 0), (0.03, 0.09), (0.0, 0.1)], 10).turned(40, "y").at(0.13, 0.06, 0.36)
-    return [
-        lathe([(0.07, 0), (0.07, 0.015), (0.0, 0.02)], 12).of("dark metal"),
+    return [lathe([(0.07, 0), (0.07, 0.015), (0.0, 0.02)], 12).of("dark metal"),
         tube([(0, 0, 0.01), (-0.05, 0, 0.25), (0.14, 0.06, 0.44)], 0.008, 5).of("dark metal"),
-        shade.of("dark metal"),
-    ]
+        shade.of("dark metal")]  # fmt: skip
 
 
 def lab_bench(rng: np.random.Generator, width: float | None = None) -> Piece:
     """A work bench with cupboards below, instruments on it and a shelf above its back."""
     width = rng.uniform(1.6, 2.4) if width is None else width
     depth, h = rng.uniform(0.7, 0.8), 0.9
-    parts = [
-        box((-width / 2, -depth / 2, h - 0.04), (width / 2, depth / 2, h)).of("ceramic"),
+    parts = [box((-width / 2, -depth / 2, h - 0.04), (width / 2, depth / 2, h)).of("ceramic"),
         box((-width / 2 + 0.02, -depth / 2, 0.1), (width / 2 - 0.02, depth / 2 - 0.06, h - 0.04)).of("board"),
-        box((-width / 2 + 0.02, -depth / 2, 0.0), (width / 2 - 0.02, depth / 2 - 0.14, 0.1)).of("plastic"),
-    ]
+        box((-width / 2 + 0.02, -depth / 2, 0.0), (width / 2 - 0.02, depth / 2 - 0.14, 0.1)).of("plastic")]  # fmt: skip
     doors = max(2, round(width / 0.5))
     each = (width - 0.04) / doors
     for i in range(doors):
@@ -148,10 +136,8 @@ def lab_bench(rng: np.random.Generator, width: float | None = None) -> Piece:
     while x < width / 2 - 0.3:
         kind = int(rng.integers(5))
         w = (0.42, 0.36, 0.25, 0.3, 0.4)[kind]
-        parts += [
-            part.at(x + w / 2, -0.05, h)
-            for part in (oscilloscope, supply, microscope, glassware, centrifuge)[kind](rng)
-        ]
+        parts += [part.at(x + w / 2, -0.05, h) for part in (oscilloscope, supply, microscope, glassware,
+            centrifuge)[kind](rng)]  # fmt: skip
         x += w + rng.uniform(0.08, 0.3)
     if rng.random() < 0.7:
         for z in (1.35, 1.65):
@@ -166,18 +152,10 @@ def lab_bench(rng: np.random.Generator, width: float | None = None) -> Piece:
 
 def oscilloscope(rng: np.random.Generator) -> list[Part]:
     w, h = 0.38, 0.22
-    knobs = [
-        lathe([(0.014, 0), (0.012, 0.02), (0.0, 0.02)], 8)
-        .turned(-90, "x")
-        .at(0.08 + 0.05 * (i % 2), 0.1, 0.05 + 0.06 * (i // 2))
-        .of("plastic")
-        for i in range(6)
-    ]
-    return [
-        block(w, 0.2, h, z=0.015).of("white plastic"),
-        box((-w / 2 + 0.02, 0.095, 0.05), (0.04, 0.104, h - 0.01)).of("screen"),
-        *knobs,
-    ]
+    knobs = [lathe([(0.014, 0), (0.012, 0.02), (0.0, 0.02)], 8).turned(-90, "x").at(0.08 + 0.05 * (i % 2), 0.1,
+        0.05 + 0.06 * (i // 2)).of("plastic") for i in range(6)]  # fmt: skip
+    return [block(w, 0.2, h, z=0.015).of("white plastic"), box((-w / 2 + 0.02, 0.095, 0.05),
+        (0.04, 0.104, h - 0.01)).of("screen"), *knobs]  # fmt: skip
 
 
 def supply(rng: np.random.Generator) -> list[Part]:
@@ -185,21 +163,16 @@ def supply(rng: np.random.Generator) -> list[Part]:
     parts, z = [], 0.0
     for _ in range(int(rng.integers(1, 4))):
         h = rng.uniform(0.09, 0.14)
-        parts += [
-            block(0.34, 0.32, h - 0.01, z=z + 0.008).of("metal"),
-            block(0.3, 0.02, h - 0.04, y=0.16, z=z + 0.02).of("plastic"),
-        ]
+        parts += [block(0.34, 0.32, h - 0.01, z=z + 0.008).of("metal"),
+            block(0.3, 0.02, h - 0.04, y=0.16, z=z + 0.02).of("plastic")]  # fmt: skip
         z += h
     return parts
 
 
 def microscope(rng: np.random.Generator) -> list[Part]:
-    return [
-        block(0.18, 0.24, 0.035).of("white plastic"),
-        tube([(0, -0.08, 0.03), (0, -0.1, 0.25), (0, -0.02, 0.34)], 0.028).of("white plastic"),
-        tube([(0, 0.02, 0.16), (0, 0.0, 0.3), (0, 0.12, 0.42)], [0.018, 0.028, 0.02], 8).of("dark metal"),
-        block(0.13, 0.13, 0.015, 0, 0.03, 0.12).of("dark metal"),
-    ]
+    return [block(0.18, 0.24, 0.035).of("white plastic"), tube([(0, -0.08, 0.03), (0, -0.1, 0.25), (0, -0.02, 0.34)],
+        0.028).of("white plastic"), tube([(0, 0.02, 0.16), (0, 0.0, 0.3), (0, 0.12, 0.42)], [0.018, 0.028, 0.02],
+        8).of("dark metal"), block(0.13, 0.13, 0.015, 0, 0.03, 0.12).of("dark metal")]  # fmt: skip
 
 
 def bottle(rng: np.random.Generator) -> Part:
@@ -213,10 +186,8 @@ def glassware(rng: np.random.Generator) -> list[Part]:
 
 
 def centrifuge(rng: np.random.Generator) -> list[Part]:
-    return [
-        cushion((0.38, 0.42, 0.26), 0.05).at(z=0.13).of("white plastic"),
-        lathe([(0.16, 0), (0.15, 0.03), (0.0, 0.04)], 18).at(z=0.255).of("plastic"),
-    ]
+    return [cushion((0.38, 0.42, 0.26), 0.05).at(z=0.13).of("white plastic"),
+        lathe([(0.16, 0), (0.15, 0.03), (0.0, 0.04)], 18).at(z=0.255).of("plastic")]  # fmt: skip
 
 
 def classroom_desk(rng: np.random.Generator, width: float, depth: float) -> Piece:

@@ -17,13 +17,8 @@ def room(
     x0 = -rng.uniform(0.5, 1.3)
     across = rng.uniform(*width)
     shift = rng.uniform(-0.5, 0.5) * max(0.0, min(across - width[0], 1.2))
-    return Plan(
-        rng,
-        (float(x0), float(x0 + rng.uniform(*length))),
-        (float(shift - across / 2), float(shift + across / 2)),
-        float(rng.uniform(*height)),
-        person_space(),
-    )
+    return Plan(rng, (float(x0), float(x0 + rng.uniform(*length))), (float(shift - across / 2),
+        float(shift + across / 2)), float(rng.uniform(*height)), person_space())  # fmt: skip
 
 
 def doors_and_windows(plan: Plan, windows: tuple[int, int] = (1, 3)) -> list[Opening]:
@@ -133,12 +128,10 @@ def _room_for(plan: Plan, item: Item, rug: Piece) -> bool:
 def _corner(plan: Plan, thing: Piece) -> bool:
     """In one of the corners, looking into the middle."""
     gap = 0.08 + 0.25 * thing.depth
-    spots = [
-        (plan.x[1] - gap - thing.width / 2, plan.y[1] - gap - thing.depth / 2, 135.0),
+    spots = [(plan.x[1] - gap - thing.width / 2, plan.y[1] - gap - thing.depth / 2, 135.0),
         (plan.x[1] - gap - thing.width / 2, plan.y[0] + gap + thing.depth / 2, 45.0),
         (plan.x[0] + gap + thing.width / 2, plan.y[1] - gap - thing.depth / 2, -135.0),
-        (plan.x[0] + gap + thing.width / 2, plan.y[0] + gap + thing.depth / 2, -45.0),
-    ]
+        (plan.x[0] + gap + thing.width / 2, plan.y[0] + gap + thing.depth / 2, -45.0)]  # fmt: skip
     return any(plan.put(thing, *spots[i]) for i in plan.rng.permutation(4).tolist())
 
 

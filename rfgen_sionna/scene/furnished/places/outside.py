@@ -73,12 +73,8 @@ def street(rng: np.random.Generator) -> Plan:
             turned = turn + 90.0 if thing.kind == "bicycle" else turn
             plan.put(thing, float(rng.uniform(x[0] + 1, x[1] - 8)), back, turned)
         for _ in range(int(rng.integers(0, 3))):
-            plan.put(
-                outdoors.sign(rng),
-                float(rng.uniform(x[0] + 1, x[1] - 8)),
-                edge_of_walk,
-                float(rng.choice([90.0, -90.0])),
-            )
+            plan.put(outdoors.sign(rng), float(rng.uniform(x[0] + 1, x[1] - 8)), edge_of_walk,
+                float(rng.choice([90.0, -90.0])))  # fmt: skip
         if garden > 1.4:
             v = middle + s * (road / 2 + walk + 0.5)
             for u in np.arange(x[0] + 2, x[1] - 4, 5.0):
@@ -107,16 +103,8 @@ def playground(rng: np.random.Generator) -> Plan:
         ((x[1], GROUND_REACH), y),
     ):
         add_ground(plan, outer, a, b)
-    makers = [
-        playing.swing,
-        playing.slide,
-        playing.seesaw,
-        playing.climbing_frame,
-        playing.spring_rider,
-        playing.sandpit,
-        playing.goal,
-        playing.basketball_hoop,
-    ]
+    makers = [playing.swing, playing.slide, playing.seesaw, playing.climbing_frame, playing.spring_rider,
+        playing.sandpit, playing.goal, playing.basketball_hoop]  # fmt: skip
     chances = (0.9, 0.9, 0.6, 0.8, 0.7, 0.5, 0.25, 0.25)
     for i in rng.permutation(len(makers)).tolist():
         for _ in range(2 if i in (0, 1, 4) else 1):
@@ -169,12 +157,8 @@ def open_field(rng: np.random.Generator) -> Plan:
         return np.asarray(rise * hills * np.minimum(outside / 20.0, 1.0) ** 2)
 
     ground = pick(rng, "grass", "grass", "soil")
-    plan.shell.append(
-        (
-            "ground",
-            sheet(height, (14.0 - 22.5 - deep, -22.5 - deep), (14.0 + 22.5 + deep, 22.5 + deep), (26, 26)).of(ground),
-        )
-    )
+    plan.shell.append(("ground", sheet(height, (14.0 - 22.5 - deep, -22.5 - deep), (14.0 + 22.5 + deep, 22.5 + deep),
+        (26, 26)).of(ground)))  # fmt: skip
     if rng.random() < 0.4:
         a = float(rng.uniform(-6, 6))
         strip = [box((s, a - 0.9, 0.0), (s + 0.9, a + 0.9, 0.012)) for s in np.arange(-8, 36, 0.9)]

@@ -31,14 +31,8 @@ def corridor(rng: np.random.Generator) -> Plan:
         openings += [found] if found is not None else add_windows(plan, "far", 1)
     if rng.random() < 0.35:
         openings += add_windows(plan, pick(rng, "left", "right"), int(rng.integers(2, 5)), openings)  # type: ignore[arg-type]
-    enclose(
-        plan,
-        openings,
-        walls=pick(rng, "plaster", "masonry", "plaster"),
-        floor=pick(rng, "linoleum", "tiles", "carpet"),
-        ceiling="ceiling",
-        skirting="plastic",
-    )
+    enclose(plan, openings, walls=pick(rng, "plaster", "masonry", "plaster"),
+        floor=pick(rng, "linoleum", "tiles", "carpet"), ceiling="ceiling", skirting="plastic")  # fmt: skip
     sides: tuple[Wall, ...] = ("left", "right")
     for _ in range(int(rng.integers(2, 6))):
         kind = int(rng.integers(6))
@@ -83,14 +77,8 @@ def garage(rng: np.random.Generator) -> Plan:
         door = Opening("door", wall, float(rng.uniform(x[0] + 0.7, x[1] - 0.7)), 0.9, 0.0, 2.03)
         if all(o.wall != wall or abs(o.u - door.u) > 0.5 * (o.width + door.width) + 0.2 for o in openings):
             openings.append(door)
-    enclose(
-        plan,
-        openings,
-        walls=pick(rng, "bare concrete", "brickwork", "masonry"),
-        floor="bare concrete",
-        ceiling=pick(rng, "bare concrete", "masonry"),
-        skirting=None,
-    )
+    enclose(plan, openings, walls=pick(rng, "bare concrete", "brickwork", "masonry"), floor="bare concrete",
+        ceiling=pick(rng, "bare concrete", "masonry"), skirting=None)  # fmt: skip
     if rng.random() < 0.85:
         for _ in range(8):
             car = outdoors.car(rng)
@@ -100,11 +88,8 @@ def garage(rng: np.random.Generator) -> Plan:
     for _ in range(int(rng.integers(2, 5))):
         plan.at_wall(storage.open_shelf(rng, width=float(rng.uniform(0.8, 1.6))))
     plan.some(0.7, lambda: tables.lab_bench(rng, float(rng.uniform(1.2, 2.0))), plan.at_wall)
-    plan.some(
-        0.6,
-        lambda: buildings.tool_wall(rng),
-        lambda thing: any(plan.on_wall(thing, w) for w in ("far", "left", "right", "near")),
-    )
+    plan.some(0.6, lambda: buildings.tool_wall(rng),
+        lambda thing: any(plan.on_wall(thing, w) for w in ("far", "left", "right", "near")))  # fmt: skip
     for _ in range(int(rng.integers(1, 3))):
         plan.at_wall(outdoors.bicycle(rng), gap=0.1) or _along(plan)
     plan.some(0.7, lambda: buildings.tyres(rng), lambda thing: plan.at_wall(thing, gap=0.05))

@@ -21,10 +21,8 @@ def strip_lights(plan: Plan) -> None:
 def work_place(rng: np.random.Generator, screens: int | None = None) -> list[tuple[Piece, float, float, float]]:
     """A desk and a chair, as a group about the desk."""
     desk, chair = tables.desk(rng, screens), seating.office_chair(rng)
-    return [
-        (desk, 0.0, 0.0, 0.0),
-        (chair, rng.uniform(-0.15, 0.15), desk.depth / 2 + chair.depth / 2 + 0.17, 180.0 + rng.uniform(-22, 22)),
-    ]
+    return [(desk, 0.0, 0.0, 0.0), (chair, rng.uniform(-0.15, 0.15), desk.depth / 2 + chair.depth / 2 + 0.17,
+        180.0 + rng.uniform(-22, 22))]  # fmt: skip
 
 
 def group_at_wall(plan: Plan, things: list[tuple[Piece, float, float, float]]) -> bool:
@@ -72,14 +70,8 @@ def office(rng: np.random.Generator) -> Plan:
 def lab(rng: np.random.Generator) -> Plan:
     plan = room(rng, (5.6, 9.0), (4.8, 7.0), (2.7, 3.3))
     openings = doors_and_windows(plan, (2, 4))
-    enclose(
-        plan,
-        openings,
-        walls=pick(rng, "plaster", "masonry"),
-        floor=pick(rng, "linoleum", "tiles"),
-        ceiling="ceiling",
-        skirting="plastic",
-    )
+    enclose(plan, openings, walls=pick(rng, "plaster", "masonry"), floor=pick(rng, "linoleum", "tiles"),
+        ceiling="ceiling", skirting="plastic")  # fmt: skip
     for _ in range(int(rng.integers(3, 6))):
         bench = plan.at_wall(tables.lab_bench(rng))
         if bench is not None and rng.random() < 0.8:
@@ -104,15 +96,8 @@ def gas_bottle(rng: np.random.Generator) -> Piece:
     from rfgen_sionna.scene.furnished.shapes import lathe
 
     r, h = 0.115, rng.uniform(1.3, 1.55)
-    profile = [
-        (0.9 * r, 0),
-        (r, 0.03),
-        (r, h - 0.15),
-        (0.75 * r, h - 0.05),
-        (0.3 * r, h),
-        (0.3 * r, h + 0.07),
-        (0.0, h + 0.07),
-    ]
+    profile = [(0.9 * r, 0), (r, 0.03), (r, h - 0.15), (0.75 * r, h - 0.05), (0.3 * r, h), (0.3 * r, h + 0.07),
+        (0.0, h + 0.07)]  # fmt: skip
     return piece("gas cylinder", [lathe(profile, 16).of(pick(rng, "metal", "painted metal"))])
 
 
