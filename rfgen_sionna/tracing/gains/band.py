@@ -36,15 +36,13 @@ SLOPE_LIMIT = 0.2
 PROBE_FACETS, MIN_PROBE_FACETS = 20_000, 4_000
 """Strongest facets that decide on an expansion, and the least number per tolerance group."""
 MONOSTATIC = 0.5
-"""Squared ratio of baseline and distance over the tolerance, below which obliquity is monostatic: error a quarter of
-the square."""
+"""(baseline / distance)^2 over the tolerance, below which obliquity is monostatic: error a quarter of the square."""
 WIDE_ARRAY = 0.1
 """Reach of an array over the distance of a facet, from which each pair has its own diffuse return: error 0.2 dB."""
 MAX_CORRECTION_LANES = 4_000_000
 """Gains of shadow-boundary corrections per kernel call: bounds the memory."""
 STEADY_FACTOR = 2.0
-"""Squared relative bandwidth over the tolerance, below which reflection may be linear over the band: error 0.1 to 0.2
-of the square."""
+"""(band / frequency)^2 over the tolerance, below which reflection may be linear over the band: error 0.1 to 0.2."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -103,7 +101,7 @@ class BandTracer:
         return self.expansions.frequency(u)
 
     def delays(self, centroids: FloatArray, pair: tuple[int, int] | None = None) -> FloatArray:
-        """(tx, rx, facet) delays [s] by way of `centroids` (facet, 3) [m, world]; (facet,) for a single `pair`."""
+        """(tx, rx, facet) delays [s] via `centroids` (facet, 3) [m, world]; (facet,) for a single `pair`."""
         places = centroids - self._origin
         if pair is not None:
             return propagation_delays(places, self._tx[pair[0], None], self._rx[pair[1], None])[0, 0]
@@ -140,23 +138,11 @@ class BandTracer:
     ) -> Expansion:
         """Smallest expansion whose coherent sums are right to a share of `rtol`, over the band and the outermost pairs.
 
-        Errors are measured on sums: gains of neighbouring facets at oblique incidence vary over the band and cancel.
-        Probes are one pair over the band, the outermost pairs and some others in its middle and at its ends.
-
-        Parameters
-        ----------
-        facets, materials
-            Facets, and materials of their surfaces.
-        weight
-            (facet,) visibility times pattern gain.
-        coherent
-            Errors are relative to the coherent sum; False takes the incoherent sum where it is larger.
-        reference
-            (facet, 3) reference points of the delays, as in :meth:`values`.
-        apart
-            (surface,) tolerance groups, each of which is right; None makes all facets one group.
-        strength
-            (facet,) magnitude of gain times `weight` up to a factor; None computes it.
+        Only sums count: gains at oblique incidence vary over the band and cancel. Probes are one pair over the band,
+        and the outermost pairs with some others in its middle and at its ends. `weight` (facet,) is visibility times
+        pattern gain. Errors are relative to the coherent sum, or without `coherent` to the incoherent sum where it is
+        larger. `reference` is that of :meth:`values`. Each of the tolerance groups `apart` (surface,) is right; None
+        makes one group. `strength` (facet,) is the weighted gain's magnitude up to a factor; None computes it.
         """
         if len(facets) > self.probe_facets:
             if strength is None:
@@ -171,27 +157,24 @@ class BandTracer:
             facets, weight = facets.take(strongest), weight[strongest]
             reference = None if reference is None else reference[strongest]
         pairs = self.expansions.representative()
-        middle = np.zeros(len(pairs))
-        ends = np.repeat([-1.0, 1.0], len(pairs))
+        middle, ends = np.zeros(len(pairs)), np.repeat([-1.0, 1.0], len(pairs))
         order, degree = 1, 0
 
         def probes(u: FloatArray, at: IntArray) -> Probes:
             return self._probes(facets, materials, weight, u, at, coherent, reference, apart)
 
+        def error(probes: Probes, found: Expansion) -> float:
+            return self._error(facets, materials, probes, found, reference)
+
         def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
-            return (
-                self._error(facets, materials, probes(u, at), self.expansions.through(basis), reference)
-                <= EXPANSION_SHARE * self._rtol
-            )
+            return error(probes(u, at), self.expansions.through(basis)) <= EXPANSION_SHARE * self._rtol
 
         first = np.zeros(len(PROBES), np.int32)
         if self.tangents:
             tried = [probes(PROBES, first), *([probes(ends, np.tile(pairs, 2))] if len(pairs) > 1 else [])]
 
             def is_right(found: Expansion) -> bool:
-                return all(
-                    self._error(facets, materials, each, found, reference) <= SLOPE_LIMIT * self._rtol for each in tried
-                )
+                return all(error(each, found) <= SLOPE_LIMIT * self._rtol for each in tried)
 
             # From the usual expansion to dearer ones until one is right, or to cheaper ones while they are. Materials
             # that change too much over the band fail with any slopes if steady.
@@ -207,16 +190,12 @@ class BandTracer:
                     return best
         while order <= MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
             order += 1
-        while (
-            degree < MAX_DEGREE
-            and len(pairs) > 1
-            and not fits(middle, pairs, self.expansions.basis(1, degree, full=True))
-        ):
-            degree += 1
+        if len(pairs) > 1:
+            while degree < MAX_DEGREE and not fits(middle, pairs, self.expansions.basis(1, degree, full=True)):
+                degree += 1
         if order > MAX_ORDER or degree == MAX_DEGREE:
             _LOG.warning(
-                "rtol is %g: gains change too fast over the band or the array for %d coefficients of degree %d; "
-                "raise rtol",
+                "rtol is %g: gains change too fast for %d coefficients of degree %d over band and array; raise rtol",
                 self._rtol, min(order, MAX_ORDER), degree,
             )  # fmt: skip
             order = min(order, MAX_ORDER)
@@ -273,7 +252,7 @@ class BandTracer:
             found[..., near] = 0.0 if of_near is None else of_near
         if found is None or facets.grain is None:
             return found
-        # Phase of the path by way of the grain's middle.
+        # Phase of the path via the grain's middle.
         rough = np.flatnonzero(found.any(axis=(0, 1)))
         middle = np.einsum("fc,fci->fi", facets.grain[rough, 1:], facets.corners[rough])
         way = self.delays(middle) - self.delays(facets.centroids[rough])
@@ -300,8 +279,7 @@ class BandTracer:
     def values(
         self, facets: Facets, materials: tuple[Material, ...], expansion: Expansion, reference: FloatArray | None = None
     ) -> ComplexArray:
-        """(value, facet) values of the `expansion`; delays are by way of `reference` (facet, 3) [m, world], None means
-        the centroids."""
+        """(value, facet) values of the `expansion`, via `reference` (facet, 3) [m, world]; None means centroids."""
         if expansion.axes is None and reference is None:
             return self._gains(facets, materials, expansion.nodes).a
         given = expansion.nodes, facets.parts, expansion.axes, reference, expansion.slopes, expansion.steady
@@ -325,9 +303,9 @@ class BandTracer:
         else:
             exact = self._integrated(facets, materials, nodes, facets.parts, reference=reference)
         waves = weight * phasors(self.frequency(u)[:, None] * exact.tau)
-        group, count = np.zeros(len(facets), np.int32), 1
-        if apart is not None:
-            group, count = apart[facets.surface], len(materials)
+        group, count = (
+            (np.zeros(len(facets), np.int32), 1) if apart is None else (apart[facets.surface], len(materials))
+        )
         single, strongest = np.abs(exact.a * weight), np.zeros(count)
         np.maximum.at(strongest, group, single.max(axis=0, initial=0.0))
         scale = np.maximum(root_mean_square(sum_by_surface(exact.a * waves, group, count)), CANCELLED * strongest)

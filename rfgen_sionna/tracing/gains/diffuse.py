@@ -5,12 +5,9 @@ A facet of area A returns, relative to free-space propagation,
     |a|^2 = (lambda / 4 pi)^2 S^2 |Gamma|^2 cos(theta_i) f A / (R_t R_r)^2
 
 with the scattering pattern f, as Sionna's paths do per ray, and the reflectance |Gamma|^2 for the Tx element's
-polarisation. cos(theta_i) f and |Gamma|^2 are geometric means of both ways, for reciprocity; Sionna has the way out
-alone.
-
-The phase of a facet follows from the seed and persists: diffuse returns are coherent from frame to frame. Where facets
-change over time it belongs to *grains*, pieces of faces that do not depend on the viewpoint. A grain scatters from its
-middle with its whole area; each of its facets has a share.
+polarisation. cos(theta_i) f and |Gamma|^2 are geometric means of both ways, for reciprocity. The phase follows from the
+seed and persists. Where facets change over time it belongs to *grains*, pieces of faces that do not depend on the
+viewpoint: a grain scatters from its middle with its whole area, and each of its facets has a share.
 """
 
 from __future__ import annotations
@@ -46,20 +43,11 @@ def diffuse_gains(
     frequency: float,
     seed: int,
 ) -> ComplexArray | None:
-    """(tx, rx, facet) diffuse gains without the propagation phase; None without rough surfaces.
+    """(tx, rx, facet) diffuse gains without the propagation phase, for the `materials` of the facets' surfaces; None
+    without rough surfaces.
 
-    Parameters
-    ----------
-    facets, materials
-        Facets, and materials of their surfaces.
-    ends
-        (tx, 3) and (rx, 3) positions [m] of elements; one of each may stand for a small array.
-    fields
-        (3,) directions of the Tx and Rx elements' electric field.
-    frequency
-        [Hz]
-    seed
-        Seed of the phases.
+    `ends` are positions [m] of elements (tx, 3) and (rx, 3), one of which may stand for a small array, `fields` their
+    electric field (3,), `frequency` is in Hz, and `seed` that of the phases.
     """
     rough = np.array([material.scattering_coefficient for material in materials])
     if not rough.any():
@@ -118,31 +106,18 @@ class _ElementView(NamedTuple):
         distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-4)
         k = offset / distance[:, None]
         inward = (normal * k).sum(axis=1)
-        cos, e = np.clip(np.abs(inward), 0.0, 1.0), _across(field, k)
-        share = _reflected(material, frequency, cos, k, normal, e)
-        return _ElementView(distance, k, -np.sign(inward), cos, e, share)
-
-
-def _across(field: FloatArray, k: FloatArray) -> FloatArray:
-    """(facet, 3) unit vectors of the part of `field` (3,) or (facet, 3) across directions `k` (facet, 3)."""
-    part = field - (k * field).sum(axis=1)[:, None] * k
-    return np.asarray(part / np.maximum(np.linalg.norm(part, axis=1, keepdims=True), 1e-9))
-
-
-def _reflected(
-    material: Material, frequency: float, cos: FloatArray, k: FloatArray, normal: FloatArray, field: FloatArray
-) -> FloatArray:
-    """(facet,) reflectance of a smooth surface for waves along `k` with unit fields (facet, 3)."""
-    aside = np.cross(k, normal)
-    size = np.linalg.norm(aside, axis=1)
-    across = np.where(size > 1e-9, (aside * field).sum(axis=1) / np.maximum(size, 1e-9), 0.0) ** 2
-    one, other = reflectances(material, frequency, cos)
-    return np.asarray(across * one + (1.0 - across) * other)
+        cos, transverse = np.clip(np.abs(inward), 0.0, 1.0), field - (k * field).sum(axis=1)[:, None] * k
+        transverse = transverse / np.maximum(np.linalg.norm(transverse, axis=1, keepdims=True), 1e-9)
+        aside = np.cross(k, normal)
+        size = np.linalg.norm(aside, axis=1)
+        across = np.where(size > 1e-9, (aside * transverse).sum(axis=1) / np.maximum(size, 1e-9), 0.0) ** 2
+        one, other = reflectances(material, frequency, cos)
+        share = across * one + (1.0 - across) * other
+        return _ElementView(distance, k, -np.sign(inward), cos, transverse, share)
 
 
 def reflectance(material: Material, frequency: float, cos: FloatArray) -> FloatArray:
-    """(...) reflectance of a smooth surface at cosines `cos` (...) of incidence, mean of both polarisations;
-    `frequency` in Hz."""
+    """(...) reflectance of a smooth surface at cosines `cos` (...) of incidence, mean of both polarisations."""
     one, other = reflectances(material, frequency, cos)
     return np.asarray(0.5 * (one + other))
 
@@ -156,7 +131,7 @@ def reflectances(material: Material, frequency: float, cos: FloatArray) -> tuple
     if material.thickness is not None:
         trip = np.exp(-4j * np.pi * frequency / SPEED_OF_LIGHT * material.thickness * root)
         found = [r * (1.0 - trip) / np.where(abs(1.0 - r * r * trip) > 1e-12, 1.0 - r * r * trip, 1.0) for r in found]
-    return abs(found[0]) ** 2, abs(found[1]) ** 2
+    return np.asarray(abs(found[0]) ** 2), np.asarray(abs(found[1]) ** 2)
 
 
 def _draws(face: np.ndarray, place: np.ndarray, surface: int, seed: int) -> FloatArray:

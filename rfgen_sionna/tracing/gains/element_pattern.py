@@ -17,8 +17,7 @@ _NEPERS = 0.1 * math.log(10.0)
 
 
 class PatternGain:
-    """Two-way field gain of an element relative to its peak, for a `pattern` turned by `rotation` (3, 3) from device to
-    world frame."""
+    """Two-way field gain of an element relative to its peak; `rotation` (3, 3) is from device to world frame."""
 
     def __init__(self, pattern: Pattern, rotation: FloatArray) -> None:
         self._pattern, self._rotation = pattern, rotation

@@ -45,8 +45,7 @@ class ErrorEstimate:
 
     @property
     def scale(self) -> float:
-        """The strongest surface's return or the incoherent sum of all facets, whichever is larger: at grazing incidence
-        coherent sums cancel."""
+        """The strongest return or the incoherent sum of all facets, whichever is larger: coherent sums may cancel."""
         return max(float(self.level.max(initial=0.0)), float(np.linalg.norm(self.incoherent)))
 
     @property
@@ -114,8 +113,7 @@ class RefinedReturns:
     reference: FloatArray | None
     """(facet, 3) reference points [m] of the delays; None means the centroids."""
     tolerance_group: IntArray | None
-    """(surface,) group by :func:`rfgen_sionna.tracing.surface.surfaces.tolerance_groups`; None makes each surface a
-    group."""
+    """(surface,) :func:`~rfgen_sionna.tracing.surface.surfaces.tolerance_groups`; None makes each surface a group."""
     returned: ComplexArray
     """(probe, surface) returns of the finer facets."""
 
@@ -152,8 +150,7 @@ class RefinedReturns:
     def of_facets(
         self, reference_level: FloatArray | None = None, places: slice = slice(None)
     ) -> tuple[ErrorEstimate, ComplexArray]:
-        """Errors of the integrals at the probes `places`, and their gains (probe, facet). `reference_level` is that of
-        :meth:`of_expansion`."""
+        """Errors of the integrals, and gains (probe, facet), at `places` of the probes; `reference_level` as below."""
         chosen = replace(self, probes=self.probes[places], returned=self.returned[places])
         given = self.facets, self.materials, chosen.probes, self.pair, self.facets.parts
         exact = self.band.at_probes(*given, self.reference)

@@ -74,23 +74,12 @@ def tangent_weights(
     middle: FloatArray,
 ) -> FloatArray:
     """(order, pair, value) weights of gains at `count` :func:`band_nodes`, and of their slopes
-    :attr:`~rfgen_sionna.tracing.integral.facet.FacetGains.slopes`.
+    :attr:`~rfgen_sionna.tracing.integral.facet.FacetGains.slopes`, for `order` coefficients over the band.
 
-    Parameters
-    ----------
-    order
-        Number of coefficients over the band.
-    count
-        Number of nodes: `order`, which leaves slopes over the wavenumber out, or half of it, rounded up; an excess
-        coefficient is removed with Chebyshev's polynomial.
-    displaced
-        (pair, axis) position of each pair along each axis.
-    wavenumbers
-        Change of the wavenumber per unit of u [rad/m].
-    slopes
-        Order of the slopes.
-    apart, middle
-        (pair, axis) distance of Tx from Rx along each axis, in the unit of `displaced`, and (axis,) in the middle.
+    `count` is `order`, which leaves slopes over the wavenumber out, or half of it, rounded up; Chebyshev's polynomial
+    removes an excess coefficient. `positions` (pair, axis) are those of the pairs along the axes, `wavenumbers` is the
+    change of the wavenumber per unit of u [rad/m], and `apart` (pair, axis) and `middle` (axis,) the distance of Tx
+    from Rx for the pairs and in the middle, in the unit of `positions`.
     """
     u = band_nodes(count)
     known = count if order == count else 2 * count
@@ -184,8 +173,8 @@ class ArrayExpansions:
     def tangent(
         self, order: int, count: int, slopes: SlopeOrder = SlopeOrder.SECOND, steady: bool = False
     ) -> Expansion:
-        """Expansion of `order` coefficients by gains in the middle of the array and their `slopes`, at `count` nodes of
-        the band."""
+        """Expansion of `order` coefficients by gains and `slopes` in the array's middle, at `count` nodes
+        of the band."""
         u = band_nodes(count)
         tx, rx = (np.broadcast_to(each, (count, 3)) for each in self._middle)
         nodes = Nodes(tx, rx, self.frequency(u))

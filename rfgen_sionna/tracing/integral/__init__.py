@@ -7,7 +7,7 @@ module         content
 `quadratic`    means of a quadratic phase over a triangle
 `obliquity`    Fresnel coefficients and polarimetric obliquity
 `slabs`        transmission through slabs
-`reflected`    facets by way of plane mirrors
+`reflected`    facets via plane mirrors
 `triangle`     gain of one triangle
 `facet`        gains of all facets at all nodes: the kernel
 `propagation`  delays, delay rates and phasors

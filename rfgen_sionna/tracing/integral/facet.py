@@ -77,7 +77,7 @@ class FacetGains:
     terms: ComplexArray
     """(term, node, facet) gains, then their slopes."""
     tau: FloatArray
-    """(node, facet) delays by way of the reference points [s]."""
+    """(node, facet) delays via the reference points [s]."""
 
     @property
     def a(self) -> ComplexArray:
@@ -86,8 +86,7 @@ class FacetGains:
 
     @property
     def slopes(self) -> ComplexArray:
-        """(slope, node, facet) slopes of the gains, in the order of :class:`SlopeOrder`; over the
-        wavenumber [m] first."""
+        """(slope, node, facet) slopes of the gains, first over the wavenumber [m], in the order of `SlopeOrder`."""
         return self.terms[1:]
 
 
@@ -144,46 +143,35 @@ def facet_gains(
 
     Parameters
     ----------
-    corners
-        (facet, 3, 3) corner positions [m], either orientation.
-    material
-        (facet,) index into the materials of `media`.
-    media
-        Materials at the nodes.
-    nodes
-        Element pairs and frequencies.
+    corners, material
+        (facet, 3, 3) corner positions [m], either orientation, and (facet,) index into the materials of `media`.
+    media, nodes
+        Materials at the nodes; element pairs and frequencies.
     tx_field, rx_field
         (3,) direction of the elements' electric field; unit gain, transverse part.
     parts
         (facet,) n of the n^2 equal triangles that a facet is integrated as; None means 1.
     monostatic
-        Use obliquity and Fresnel coefficients of an element half way between Tx and Rx: half the time, relative error a
-        quarter of (baseline / distance)^2.
-    via
-        Mirrors on the legs of Tx and Rx; delays are by way of them. None means direct legs.
+        Obliquity and Fresnel coefficients of an element half way: half the time, error (baseline / distance)^2 / 4.
+    via, slab_stacks
+        Mirrors and slabs on the legs of Tx and Rx; delays include them. None means direct legs.
     reference
         (facet, 3) points [m] of the delays, whose propagation phase the gains lack; None means the centroids.
     patch
         Quadratic patches of bent facets; None means flat facets.
-    slab_stacks
-        Slabs on the legs of Tx and Rx; delays include their bulk. None means none.
-    axes
-        (axis, 3) displacements [m] of Tx and Rx together, their sum, for slopes of the gains. None computes no slopes.
-        Neither with mirrors nor with slabs.
-    pattern_gradient
-        (facet, 3) gradient of the pattern gain's logarithm [1/m], relative to the gain at `gradient_origin` (facet, 3)
-        [m]; a `gradient_origin` of None means the centroids. None means constant gain. Neither with mirrors nor with
-        slabs.
+    axes, kinds
+        (axis, 3) displacements [m] of Tx and Rx together, their sum, for slopes of the gains, and order of the slopes.
+        None computes no slopes. Neither with mirrors nor with slabs.
+    pattern_gradient, gradient_origin
+        (facet, 3) gradient of the pattern gain's logarithm [1/m], None means constant gain; (facet, 3) points [m] of
+        unit gain, None means the centroids. Neither with mirrors nor with slabs.
     buffer
         Output buffer to write into, and to return as a whole; None allocates one.
     origin
-        (3,) origin [m] of the frame of nodes, mirrors and slabs in the frame of all facet positions; None means the
-        same frame.
+        (3,) origin [m] of the frame of nodes, mirrors and slabs in that of the facets; None means the same frame.
     steady
-        Take the reflection for linear over the nodes, as in the middle of the facet. Nodes of one pair, without mirrors
-        and slabs, then share all but the phase integral. Relative error 0.1 to 0.2 times (band / frequency)^2.
-    kinds
-        Order of the slopes.
+        Take the reflection for linear over the nodes. Nodes of one pair, without mirrors and slabs, then share all but
+        the phase integral. Relative error 0.1 to 0.2 times (band / frequency)^2.
     outward
         (facet,) facets that keep their orientation though their flat triangle faces away; None means none.
     """
@@ -325,9 +313,9 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
     surface = FacetLanes(cross, away, medium, *ends, monostatic, walls, middle, slopes, crossed, turn, gradient)
     moved = None if axes is None else [vector("axes", UInt32(axis)) for axis in range(axes)]
     parts = whole("parts", facet) if "parts" in given else None
+    common = dr, Array3, Complex, surface
     if parts is None or sagittas is not None:
-        known = dr, Array3, Complex, surface
-        terms, excess = triangle_gain(*known, p, sagittas, wavenumbers, through, moved, kinds, parts)
+        terms, excess = triangle_gain(*common, p, sagittas, wavenumbers, through, moved, kinds, parts)
         if "reference" in given or "corner_offsets" in given:
             terms = [_phase_shifted(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
     else:
@@ -340,7 +328,7 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
             row, column, turned, last = lattice_triangle(dr, Float(index))
             second = lattice(row + 1.0, dr.select(turned, column + 1.0, column))
             part = [lattice(row, column), second, lattice(last, column + 1.0)]
-            terms, excess = triangle_gain(dr, Array3, Complex, surface, part, None, wavenumbers, through, moved, kinds)
+            terms, excess = triangle_gain(*common, part, None, wavenumbers, through, moved, kinds)
             carried = [_phase_shifted(dr, *each, excess) for each in zip(terms, wavenumbers, strict=True)]
             found = [each.scaled(1.0 / (count * count)) for each in chain(*carried)]
             return index + 1, *(a + b for a, b in zip(sums, flatten_terms(found), strict=True))

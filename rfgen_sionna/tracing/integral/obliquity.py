@@ -189,10 +189,8 @@ class ScatteredWave:
 def backscatter(
     dr: Any, complex_type: Any, medium: Medium, normal: Any, offset: Any, tx_field: Any, rx_field: Any, nearest: Any
 ) -> ComplexPair:
-    """Obliquity over the squared distance, for Tx and Rx in one place at -`offset` [m] from a point. The incident wave
-    returns nothing, and the reflected ones cos (r_s e_s e'_s - r_p e_p e'_p). The inverse distance is at most `nearest`
-    [1/m]."""
-    # One quotient: each costs several products.
+    """Obliquity over the squared distance, for Tx and Rx in one place at -`offset` [m] from a point."""
+    # The reflected waves return cos (r_s e_s e'_s - r_p e_p e'_p); 1 / distance is at most `nearest` [1/m].
     inverse = 1.0 / dr.maximum(dr.norm(offset), 1e-30)
     k = offset * inverse
     cos = dr.clip(-dr.dot(k, normal), 0.0, 1.0)
@@ -273,9 +271,7 @@ def _slab(dr: Any, r: Any, trip: Any) -> Any:
 def strongest_reflection(
     materials: Sequence[Material], of: IntArray, cos: FloatArray, frequencies: FloatArray
 ) -> FloatArray:
-    """(ray,) largest of |r_s| and |r_p| over `frequencies` [Hz], of material number `of` (ray,) at the cosine `cos`
-    (ray,) of incidence.
-    """
+    """(ray,) largest |r_s| or |r_p| over `frequencies` [Hz] of material `of` (ray,) at incidence `cos` (ray,)."""
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32
     shape = (len(frequencies), len(of))

@@ -1,4 +1,4 @@
-"""Propagation between elements by way of points: delays, delay rates, phasors."""
+"""Propagation between elements via points: delays, delay rates, phasors."""
 
 from __future__ import annotations
 
@@ -49,16 +49,14 @@ _DELAYS = FrozenKernel(_delay)
 
 
 def delay_rates(places: FloatArray, velocities: FloatArray, tx: FloatArray, rx: FloatArray) -> FloatArray:
-    """(tx, rx, point) rates [s/s] of :func:`propagation_delays`, positive receding, for points that move with
-    `velocities` (point, 3) [m/s]."""
+    """(tx, rx, point) rates [s/s] of :func:`propagation_delays`, for points of `velocities` (point, 3) [m/s]."""
     place, speed = (np.ascontiguousarray(each.T) for each in (places, velocities))
     to_tx, to_rx = (np.stack([_range_rates(one, place, speed) for one in each]) for each in (tx, rx))
     return np.asarray((to_tx[:, None] + to_rx) / SPEED_OF_LIGHT)
 
 
 def _range_rates(element: FloatArray, place: FloatArray, speed: FloatArray) -> FloatArray:
-    """(point,) rates [m/s] of the distances of an `element` (3,) from points (axis, point) [m] of velocity `speed`
-    [m/s]."""
+    """(point,) rates [m/s] of the distances of an `element` (3,) from points (axis, point) [m] of `speed` [m/s]."""
     x, y, z = place - element[:, None]
     along = x * speed[0] + y * speed[1] + z * speed[2]
     return np.asarray(along / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12))

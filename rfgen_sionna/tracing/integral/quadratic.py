@@ -82,10 +82,9 @@ class Quadratic(NamedTuple):
         slopes: int = SlopeOrder.SECOND,
         path_curvatures: Sequence[PathVariation] = (),
     ) -> list[ComplexPair]:
-        """Mean of w exp(-j k s), and its slopes if there are path variations `ways`. Slopes are over the wavenumber k
-        [m] and over each of the `ways`; then by `slopes`, a :class:`SlopeOrder`, second ones over each pair
-        (:func:`variation_pairs`) and first ones over the `path_curvatures`. Slopes over `ways` and `path_curvatures`
-        keep the mean of the sagittas' share."""
+        """Mean of w exp(-j k s), and its slopes if there are path variations `ways`: over the wavenumber k [m] and over
+        each of the `ways`, then by `slopes` over each pair (:func:`variation_pairs`) and over each of the
+        `path_curvatures`. Slopes over `ways` and `path_curvatures` keep the mean of the sagittas' share."""
         total, found, bent, damping, over_wavenumber = self._mean(dr, wavenumber, ways is not None)
         if ways is None:
             return [total]

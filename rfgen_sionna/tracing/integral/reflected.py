@@ -1,4 +1,4 @@
-"""Physical optics of a facet that one or both elements reach by way of plane mirrors, in the kernel.
+"""Physical optics of a facet that one or both elements reach via plane mirrors, in the kernel.
 
 An element behind a plane wall of normal n has an image with the field f - 2 (f . n) n. Towards a facet it radiates as
 the element does towards the wall, with the wall's r_s and r_p in the plane of incidence. For the image's direction k,
@@ -20,7 +20,7 @@ from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.kernels import upload
 from rfgen_sionna.tracing.integral.obliquity import Media, Medium, media_of_lanes, media_tables, reflection, transverse
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
-from rfgen_sionna.tracing.integral.slabs import SlabStackLanes, transmitted_field
+from rfgen_sionna.tracing.integral.slabs import SlabStackLanes, field_by_polarisation, transmitted_field
 
 
 class MirrorPlanes(NamedTuple):
@@ -130,8 +130,7 @@ def mirrors_of_lanes(
 
 class ReflectedStrength:
     """Obliquity over the product of the distances at points of a facet; `surface` holds the elements' images. Fresnel
-    coefficients are those at `centre` with this `normal`: they vary less over a facet than directions and distances
-    do."""
+    coefficients are those at `centre` with this `normal`: they vary less than directions and distances."""
 
     def __init__(self, dr: Any, vector: Any, complex_type: Any, surface: Any, centre: Any, normal: Any) -> None:
         self._dr, self._vector, self._surface, self._complex = dr, vector, surface, complex_type
@@ -182,13 +181,7 @@ class ReflectedStrength:
 
 def _reflected(dr: Any, mirrored: _Field, across: Any, r_s: Any, r_p: Any) -> _Field:
     """Reflected field of a wave from its mirror image; `across` is k x n."""
-    both = r_s + r_p
-    share = ComplexPair(dr.dot(mirrored.re, across), dr.dot(mirrored.im, across))
-    share = ComplexPair(both.real, both.imag).times(share).scaled(1.0 / dr.maximum(dr.dot(across, across), 1e-18))
-    return _Field(
-        r_p.imag * mirrored.im - r_p.real * mirrored.re + share.re * across,
-        -r_p.real * mirrored.im - r_p.imag * mirrored.re + share.im * across,
-    )
+    return _Field(*field_by_polarisation(dr, *mirrored, across, r_s, -r_p))
 
 
 def _obliquity(

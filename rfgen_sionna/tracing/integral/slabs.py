@@ -103,24 +103,16 @@ def transmission(
     return t_s, t_p
 
 
-def late_reflections(materials: Sequence[Material], centre: float, half_band: float) -> FloatArray:
-    """(material,) return of the back face over the front's at normal incidence, for slabs whose faces the band
-    resolves; else 0. Transmission lacks |r|^2 times as much."""
-    late = np.flatnonzero(SlabTable.of(materials, centre, half_band).internal_reflections == 0)
-    found = np.zeros(len(materials))
-    for number in late.tolist():
+def warn_of_late_reflections(materials: Sequence[Material], centre: float, half_band: float) -> None:
+    """Log a warning, once per process, for slabs whose omitted back face returns more than `MIN_LATE_REFLECTION` of the
+    front's return at normal incidence; transmission lacks |r|^2 times as much."""
+    for number in np.flatnonzero(SlabTable.of(materials, centre, half_band).internal_reflections == 0).tolist():
         material = materials[number]
         eps, mu = complex(material.relative_permittivity(centre)), complex(material.permeability)
         root = np.sqrt(eps * mu)
         r = (mu - root) / (mu + root)
         decay = abs(root.imag) * 4 * np.pi * centre / SPEED_OF_LIGHT * (material.thickness or 0.0)
-        found[number] = abs(1.0 - r * r) * np.exp(-decay) if abs(r) > 1e-6 else 0.0  # air reflects nothing
-    return found
-
-
-def warn_of_late_reflections(materials: Sequence[Material], centre: float, half_band: float) -> None:
-    """Log a warning for slabs whose back face's omitted return exceeds `MIN_LATE_REFLECTION`, once per process."""
-    for material, share in zip(materials, late_reflections(materials, centre, half_band).tolist(), strict=True):
+        share = float(abs(1.0 - r * r) * np.exp(-decay)) if abs(r) > 1e-6 else 0.0  # air reflects nothing
         if share > MIN_LATE_REFLECTION:
             _warn_once(material.name, f"{1e3 * (material.thickness or 0.0):.3g}", round(100 * share))
 
@@ -256,40 +248,32 @@ def slab_stacks_of_lanes(
 ) -> SlabStackLanes:
     """Slabs of each lane, from :func:`slab_stack_tables`; `mirrored` is the mirror image of a direction."""
 
-    def of(side: str) -> list[SlabLanes]:
-        return _slabs_of_lanes(dr, types, slab_stacks[side], facet, node, wavenumber) if side in slab_stacks else []
-
-    before = [slab._replace(normals=[mirrored(each) for each in slab.normals]) for slab in of("before")]
-    return SlabStackLanes(before, of("behind"))
-
-
-def _slabs_of_lanes(
-    dr: Any, types: Any, tables: dict[str, Any], facet: Any, node: Any, wavenumber: Any
-) -> list[SlabLanes]:
     def values(numbers: Any, index: Any) -> Any:
         return dr.gather(types.Float64, numbers, index)
 
-    found = []
-    for level in tables["levels"]:
+    def lanes(tables: dict[str, Any], level: dict[str, Any]) -> SlabLanes:
         material, there = dr.gather(types.UInt32, level["crossed"], facet), values(level["present"], facet)
         entry = node * tables["count"] + material
         thickness = values(tables["thickness"], material) * there
-        found.append(
-            SlabLanes(
-                [
-                    types.Array3f64(*(values(level["normals"], facet * 9 + 3 * corner + axis) for axis in range(3)))
-                    for corner in range(3)
-                ],
-                types.Complex2f64(values(tables["eps_re"], entry), values(tables["eps_im"], entry)),
-                types.Complex2f64(values(tables["mu_re"], material), values(tables["mu_im"], material)),
-                wavenumber * thickness,
-                thickness,
-                values(tables["index2"], material),
-                values(tables["internal_reflections"], material),
-                there > 0.5,
-            )
+        return SlabLanes(
+            [
+                types.Array3f64(*(values(level["normals"], facet * 9 + 3 * corner + axis) for axis in range(3)))
+                for corner in range(3)
+            ],
+            types.Complex2f64(values(tables["eps_re"], entry), values(tables["eps_im"], entry)),
+            types.Complex2f64(values(tables["mu_re"], material), values(tables["mu_im"], material)),
+            wavenumber * thickness,
+            thickness,
+            values(tables["index2"], material),
+            values(tables["internal_reflections"], material),
+            there > 0.5,
         )
-    return found
+
+    before, behind = (
+        [lanes(slab_stacks[side], level) for level in slab_stacks[side]["levels"]] if side in slab_stacks else []
+        for side in ("before", "behind")
+    )
+    return SlabStackLanes([slab._replace(normals=[mirrored(each) for each in slab.normals]) for slab in before], behind)
 
 
 def slab_delay_length(dr: Any, crossed: SlabStackLanes, k: Any) -> Any:
@@ -311,17 +295,17 @@ def _coefficients(dr: Any, complex_type: Any, slab: SlabLanes, across: Any) -> t
     size = dr.exp(slab.electric * root.imag)
     sin, cos_q = dr.sincos(slab.electric * root.real)
     once = complex_type(size * cos_q, -size * sin)
-    found = []
-    for face in (slab.mu, slab.eps):
+
+    def through(face: Any) -> Any:
         r = (face * cos - root) / (face * cos + root)
         below = 1.0 - r * r * once * once * slab.internal_reflections
-        t = (1.0 - r * r) * once / below
-        found.append(dr.select(slab.there, t, complex_type(1.0, 0.0)))
-    return found[0], found[1]
+        return dr.select(slab.there, (1.0 - r * r) * once / below, complex_type(1.0, 0.0))
+
+    return through(slab.mu), through(slab.eps)
 
 
-def _transmit(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: Any) -> tuple[Any, Any]:
-    """Field after a slab: t_p e + (t_s - t_p) (e . a) a / |a|^2, with `across` a = k x n."""
+def field_by_polarisation(dr: Any, field_re: Any, field_im: Any, across: Any, t_s: Any, t_p: Any) -> tuple[Any, Any]:
+    """Field, real and imaginary part, after an interface: t_p e + (t_s - t_p) (e . a) a / |a|^2, `across` a = k x n."""
     both = t_s - t_p
     share = ComplexPair(dr.dot(field_re, across), dr.dot(field_im, across))
     share = ComplexPair(both.real, both.imag).times(share).scaled(1.0 / dr.maximum(dr.dot(across, across), 1e-18))
@@ -338,5 +322,5 @@ def transmitted_field(
     for slab in slabs:
         across = dr.cross(k, slab.across(dr, weights))
         t_s, t_p = _coefficients(dr, complex_type, slab, across)
-        field_re, field_im = _transmit(dr, field_re, field_im, across, t_s, t_p)
+        field_re, field_im = field_by_polarisation(dr, field_re, field_im, across, t_s, t_p)
     return field_re, field_im

@@ -65,10 +65,9 @@ def triangle_gain(
     slopes: int,
     parts: Any = None,
 ) -> tuple[list[list[ComplexPair]], Any]:
-    """Gains of a triangle `p` at each of the `wavenumbers`, as if it were the whole facet, and the excess of its
-    centroid's path over that of the `reference` point [m]. Gains come with slopes of order `slopes`
-    (:class:`SlopeOrder`) over displacements `axes`, if there are any. `sagittas` are those of the edges of a bent
-    facet, which is integrated in `parts` per edge."""
+    """Gains of a triangle `p` at each of the `wavenumbers`, as if it were the whole facet, with slopes of order
+    `slopes` over displacements `axes`, and the excess of its centroid's path over that of the `reference` point [m].
+    `sagittas` are those of the edges of a bent facet, which is integrated in `parts` per edge."""
     t, r = surface.tx, surface.rx
     centre = (p[0] + p[1] + p[2]) / 3.0
     twice_area = dr.norm(surface.cross)
@@ -90,9 +89,8 @@ def triangle_gain(
     distance_tx, distance_rx = dr.norm(from_tx), dr.norm(to_rx)
     usable = (twice_area > 0) & (distance_tx > 1e-4) & (distance_rx > 1e-4)
     spread = dr.select(usable, distance_tx * distance_rx, 1.0)
-    k_in, k_out = (
-        way * (1.0 / dr.maximum(size, 1e-30)) for way, size in ((from_tx, distance_tx), (to_rx, distance_rx))
-    )
+    k_in = from_tx * (1.0 / dr.maximum(distance_tx, 1e-30))
+    k_out = to_rx * (1.0 / dr.maximum(distance_rx, 1e-30))
     if sagittas is None or surface.walls is not None:  # an element in the facet's plane, the other behind it
         usable &= (dr.dot(normal, r - centre) > 0) & (dr.dot(normal, centre - t) < 0)
 
@@ -177,7 +175,7 @@ def triangle_gain(
                 for i, edge in enumerate(edges)
             ]
             ways = [
-                way._replace(sagittas=[dr.dot(axis, each) for each in over])
+                PathVariation(way.corners, [dr.dot(axis, k) for k in over])
                 for way, axis in zip(ways, axes, strict=True)
             ]
         if slopes == SlopeOrder.CURVATURE:
@@ -202,11 +200,8 @@ def triangle_gain(
             terms[2 : 2 + count] = [each + terms[0].times(rate) for each, rate in zip(first, rates, strict=True)]
             for k, (one, other) in enumerate(variation_pairs(count) if slopes >= SlopeOrder.SECOND else (), 2 + count):
                 terms[k] = terms[k] + first[one].times(rates[other]) + first[other].times(rates[one])
-        turned = [each.turned() for each in terms]
-        return [
-            ComplexPair(dr.select(usable, each.re * factor, 0.0), dr.select(usable, each.im * factor, 0.0))
-            for each in turned
-        ]
+        turned = (each.turned().scaled(factor) for each in terms)
+        return [ComplexPair(dr.select(usable, each.re, 0.0), dr.select(usable, each.im, 0.0)) for each in turned]
 
     return [at_wavenumber(each) for each in wavenumbers], excess(centre, reference)
 
@@ -228,9 +223,8 @@ def _rates(
     distance alone where the strength is next to none."""
     here = strength(offset)
     size = here.re * here.re + here.im * here.im
-    representative = size > dr.square(
-        MIN_RELATIVE_STRENGTH * dr.square(0.5 * nearest)
-    )  # `nearest` is 2 over the distance
+    largest = dr.square(0.5 * nearest)  # `nearest` is 2 over the distance
+    representative = size > dr.square(MIN_RELATIVE_STRENGTH * largest)
     inverse = dr.select(representative, 1.0 / dr.select(representative, size, 1.0), 0.0)
     square = dr.maximum(dr.squared_norm(offset), 1e-30)
     found = []

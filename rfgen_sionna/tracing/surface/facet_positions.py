@@ -119,10 +119,9 @@ _PLACED = FrozenKernel(_place)
 
 
 def estimate_returns(corners: Any, wavenumber: Any, aside: Any = 0.0, turn: Any = None) -> Any:
-    """(facet,) estimated returns up to a common factor: solid angle times mean phasor, for a `wavenumber` [rad/m] of
-    all or of each. The phase [rad] turns by `aside` less (:func:`mean_phasor`). With `turn` (facet,), the largest chord
-    between the unit normals of a corner and of the flat facet, it is a bound: cosines exceed those of the flat facet by
-    as much at most."""
+    """(facet,) estimated returns up to a common factor: solid angle times :func:`mean_phasor`. With `turn` (facet,),
+    the largest chord between the unit normals of a corner and of the flat facet, it is a bound: cosines exceed those of
+    the flat facet by as much at most."""
     angles = abs(solid_angles(corners))
     if turn is not None:
         angles = angles + turn * facing_solid_angles(corners)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -14,7 +14,7 @@ from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.records import PathKind, RadarPaths, interpolate_knots, knot_weights
 from rfgen_sionna.scene.kernels import concatenate_aligned
 from rfgen_sionna.scene.mesh import lengths, max_component, triangle_centroids
-from rfgen_sionna.tracing.surface.facet_positions import PlacedFacets, place_facets
+from rfgen_sionna.tracing.surface.facet_positions import place_facets
 from rfgen_sionna.tracing.surface.quadratic_patch import QUARTERS, QuadraticPatch, split_facets, split_values
 from rfgen_sionna.tracing.surface.surfaces import Surface
 from rfgen_sionna.tracing.surface.tessellate import Tessellation
@@ -24,6 +24,7 @@ CANCELLED = 0.01
 RATE_STEP = 0.5e-3
 """Half the time step [s] of differences for delay rates: error jerk x step^2 / 6, below 0.1 mm/s."""
 
+_NO_NUMBERS = np.zeros(0, np.int32)
 _COLUMNS = ("number", "face", "surface", "facing", "parts", "place")
 _OPTIONAL_COLUMNS = ("curved", "pattern_gradient", "gradient_origin", "grain", "outward")
 
@@ -55,16 +56,13 @@ class Facets:
     gradient_origin: FloatArray | None = field(default=None, kw_only=True)
     """(facet, 3) points [m] of the gain that `pattern_gradient` refers to; None means the centroids."""
     return_estimate: FloatArray | None = field(default=None, kw_only=True)
-    """(facet,) estimated return (:func:`~rfgen_sionna.tracing.surface.facet_positions.estimate_returns`); None if
-    unknown."""
+    """(facet,) :func:`~rfgen_sionna.tracing.surface.facet_positions.estimate_returns`; None if unknown."""
     return_bound: FloatArray | None = field(default=None, kw_only=True)
     """(facet,) bound of the return of the bent facet."""
     turn: FloatArray | None = field(default=None, kw_only=True)
     """(facet,) largest chord between unit normals of a corner and of the flat facet; None if unknown."""
     grain: FloatArray | None = field(default=None, kw_only=True)
-    """(facet, 4) as :attr:`rfgen_sionna.tracing.surface.tessellate.Tessellation.shares`; None makes each
-    facet a grain."""
-
+    """(facet, 4) :attr:`~rfgen_sionna.tracing.surface.tessellate.Tessellation.shares`; None: each facet is a grain."""
     outward: NDArray[np.bool_] | None = field(default=None, kw_only=True)
     """(facet,) bent facets whose flat triangle faces away while parts of them are visible
     (:mod:`rfgen_sionna.tracing.shadows.terminator`); None means none."""
@@ -78,8 +76,7 @@ class Facets:
 
     @staticmethod
     def taken(every: Sequence[Facets], index: NDArray[np.intp]) -> list[Facets]:
-        """:meth:`take` of the same facets at several times, without :attr:`return_estimate`; arrays shared between
-        times stay shared."""
+        """:meth:`take` of the same facets at several times; shared arrays stay shared, estimates are dropped."""
         shared: dict[str, tuple[NDArray[Any], NDArray[Any]]] = {}
 
         def some(each: Facets, name: str) -> Any:
@@ -103,10 +100,6 @@ class Facets:
         """Copy with this :attr:`pattern_gradient` about the centroids."""
         return self._with(pattern_gradient=pattern_gradient, gradient_origin=None)
 
-    def with_patch(self, patch: QuadraticPatch) -> Facets:
-        """Copy with this :attr:`patch`."""
-        return self._with(patch=patch)
-
     def with_outward(self, outward: NDArray[np.bool_]) -> Facets:
         """Copy with this :attr:`outward`."""
         return self._with(outward=outward)
@@ -124,7 +117,7 @@ class Facets:
         flat, bent = np.flatnonzero(~split), np.flatnonzero(split)
         index = np.concatenate([flat, np.repeat(bent, len(QUARTERS))])
         count = len(flat)
-        none = dict.fromkeys(("patch", "pattern_gradient", "gradient_origin", "grain"))
+        none: dict[str, Any] = dict.fromkeys(("patch", "pattern_gradient", "gradient_origin", "grain"))
         found = replace(self, corners=np.zeros((len(self), 0, 3)), **none).take(index)
         corners = np.empty((len(index), 3, 3))
         np.take(self.corners, flat, axis=0, out=corners[:count])
@@ -133,7 +126,7 @@ class Facets:
         if self.patch is not None:
             own = self.patch.take(bent).divided(QUARTERS)
             corners[count:] = split_values(QUARTERS, np.take(self.corners, bent, axis=0))
-            patch = own if not count else own.after(count)
+            patch = own if not count else QuadraticPatch.stack([QuadraticPatch(np.zeros((count, 3, 3))), own])
         return replace(found, corners=corners, patch=patch), index
 
     @staticmethod
@@ -171,7 +164,7 @@ class Facets:
         gradient_origin = found.gradient_origin
         if self.pattern_gradient is not None and gradient_origin is None:
             gradient_origin = np.take(self.centroids, owner, axis=0)
-        changed = {"parts": np.maximum(parts, 1), "place": place, "gradient_origin": gradient_origin}
+        changed: dict[str, Any] = {"parts": np.maximum(parts, 1), "place": place, "gradient_origin": gradient_origin}
         return replace(found, corners=corners, patch=patch, **changed)
 
     @cached_property
@@ -227,39 +220,35 @@ def stack_facets(
     :func:`with_patches` bends them. `parts_of` (surface) of (facet,) are parts per edge; None means those of the
     tessellations. `turns` (surface) of (face,) from :meth:`rfgen_sionna.tracing.surface.smoothing.Smoothing.turn` bound
     the returns at a `wavenumber` [rad/m]; None means flat surfaces."""
-    curved = any(surface.smooth is not None for surface in surfaces)
-    number, face, index, parts, place = ([np.zeros(0, np.int32)] for _ in range(5))
-    smooth, placed = [np.zeros(0, np.bool_)], list[PlacedFacets]()
+    pairs = list(zip(surfaces, tessellations, strict=True))
     grains = [_own_grains(len(each.face)) if each.shares is None else each.shares for each in tessellations]
     grain = np.concatenate(grains) if any(each.shares is not None for each in tessellations) else None
-    for position, (surface, piece) in enumerate(zip(surfaces, tessellations, strict=True)):
-        count = len(piece.face)
-        points = [there[position] for there in vertices]
-        turn = turns[position] if turns is not None and surface.smooth is not None else None
+    placed = []
+    for k, (surface, piece) in enumerate(pairs):
+        turn = turns[k] if turns is not None and surface.smooth is not None else None
+        points = [there[k] for there in vertices]
         placed.append(place_facets(piece, surface.faces, points, viewpoint, wavenumber, turn))
-        smooth.append(np.full(count, surface.smooth is not None))
-        number.append(piece.face + np.int32(surface.first_facet))
-        face.append(piece.face)
-        parts.append(piece.parts if parts_of is None else parts_of[position])
-        place.append(piece.places)
-        index.append(np.full(count, position, dtype=np.int32))
-    numbers, of_faces, positions, in_parts, places = (_stacked(each) for each in (number, face, index, parts, place))
-    patches, found, turned = _stacked(smooth) if curved else None, [], None
+    number = _stacked(piece.face + np.int32(surface.first_facet) for surface, piece in pairs)
+    face = _stacked(piece.face for piece in tessellations)
+    index = _stacked(np.full(len(piece.face), k, dtype=np.int32) for k, piece in enumerate(tessellations))
+    parts = _stacked((piece.parts for piece in tessellations) if parts_of is None else parts_of)
+    place, curved, turned = _stacked(piece.places for piece in tessellations), None, None
+    if any(surface.smooth is not None for surface in surfaces):
+        smooth = (np.full(len(piece.face), surface.smooth is not None) for surface, piece in pairs)
+        curved = _stacked(smooth, np.zeros(0, np.bool_))
     if turns is not None:
-        turned = _stacked([np.zeros(0), *(own[each.face] for own, each in zip(turns, tessellations, strict=True))])
+        turned = _stacked((own[each.face] for own, each in zip(turns, tessellations, strict=True)), np.zeros(0))
+    found = []
     for k in range(len(vertices)):
-        facing = [
-            each.towards[k] if own.closed else np.ones(len(each.towards[k]), np.bool_)
-            for own, each in zip(surfaces, placed, strict=True)
-        ]
+        towards = zip(surfaces, (each.towards[k] for each in placed), strict=True)
+        facing = (own if surface.closed else np.ones(len(own), np.bool_) for surface, own in towards)
         corners, centroids, return_estimate, return_bound = (
-            _stacked([np.zeros((0, *shape)), *(getattr(each, name)[k] for each in placed)])
+            _stacked((getattr(each, name)[k] for each in placed), np.zeros((0, *shape)))
             for name, shape in (("corners", (3, 3)), ("centroids", (3,)), ("return_estimate", ()), ("return_bound", ()))
         )
-        looking = _stacked([np.zeros(0, np.bool_), *facing])
         there = Facets(
-            corners, numbers, of_faces, positions, looking, in_parts, places,
-            curved=patches, return_estimate=return_estimate, return_bound=return_bound, turn=turned, grain=grain,
+            corners, number, face, index, _stacked(facing, np.zeros(0, np.bool_)), parts, place,
+            curved=curved, return_estimate=return_estimate, return_bound=return_bound, turn=turned, grain=grain,
         )  # fmt: skip
         there.__dict__["centroids"] = centroids
         found.append(there)
@@ -284,12 +273,13 @@ def with_patches(
         patches.append(piece.patches(points, surface.faces, surface.smooth, mine))
         first = last
     every = [own[0] if len(own) == 1 else QuadraticPatch.stack(own) for own in zip(*patches, strict=True)]
-    return [each.with_patch(own) for each, own in zip(facets, every, strict=True)]
+    return [each._with(patch=own) for each, own in zip(facets, every, strict=True)]
 
 
-def _stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Arrays one after the other, of which the first is empty; no copy of a single one."""
-    return parts[1] if len(parts) == 2 else np.concatenate(parts)
+def _stacked(parts: Iterable[NDArray[Any]], empty: NDArray[Any] = _NO_NUMBERS) -> NDArray[Any]:
+    """Arrays one after the other, without a copy of a single one; `empty` without any."""
+    found = list(parts)
+    return found[0] if len(found) == 1 else np.concatenate([empty, *found])
 
 
 def over_time(
@@ -357,8 +347,7 @@ def facet_paths(
 
 
 def _piece_keys(place: IntArray, weights: FloatArray) -> IntArray:
-    """(piece,) persistent numbers of pieces at barycentric coordinates `weights` (piece, 3, 3) of facets numbered
-    `place` (piece,)."""
+    """(piece,) persistent numbers of pieces at `weights` (piece, 3, 3) of facets numbered `place` (piece,)."""
     middle = np.rint((weights[:, 0, :2] + weights[:, 1, :2] + weights[:, 2, :2]) * (2**15 / 3)).astype(np.uint64)
     z = place.astype(np.uint32).astype(np.uint64) << np.uint64(32) | middle[:, 0] << np.uint64(16) | middle[:, 1]
     return np.asarray((mix_bits(z) >> np.uint64(32)).astype(np.uint32).view(np.int32))

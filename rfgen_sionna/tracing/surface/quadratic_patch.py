@@ -29,8 +29,7 @@ QUARTERS = 0.5 * np.array(
 
 
 def edge_sagittas(corners: FloatArray, normals: FloatArray) -> FloatArray:
-    """(face, 3, 3) displacement of the middle of the edge opposite each corner [m], for `corners` [m] and unit
-    `normals` (face, 3, 3)."""
+    """(face, 3, 3) displacement of the middle of each edge [m], for `corners` [m] and unit `normals` (face, 3, 3)."""
     sagittas = np.empty_like(corners)
     for edge in range(3):
         first, last = (edge + 1) % 3, (edge + 2) % 3
@@ -55,16 +54,14 @@ class QuadraticPatch:
 
     def take(self, index: IntArray | NDArray[np.intp] | slice) -> QuadraticPatch:
         """Patches of the facets `index` (no mask)."""
-        if isinstance(index, slice):
-            return QuadraticPatch(
-                self.sagittas[index], None if self.corner_offsets is None else self.corner_offsets[index]
-            )
-        corner_offsets = None if self.corner_offsets is None else np.take(self.corner_offsets, index, axis=0)
-        return QuadraticPatch(np.take(self.sagittas, index, axis=0), corner_offsets)
+
+        def some(values: FloatArray) -> FloatArray:
+            return np.asarray(values[index] if isinstance(index, slice) else np.take(values, index, axis=0))
+
+        return QuadraticPatch(some(self.sagittas), None if self.corner_offsets is None else some(self.corner_offsets))
 
     def within(self, weights: FloatArray) -> QuadraticPatch:
-        """Patch of one piece of each facet, with corners at barycentric coordinates `weights` (facet,
-        corner, vertex)."""
+        """Patch of one piece of each facet, at barycentric coordinates `weights` (facet, corner, vertex)."""
         along = weights[:, [2, 0, 1]] - weights[:, [1, 2, 0]]  # of the edge opposite each corner
         corner_offsets = 4.0 * _products(weights) @ self.sagittas
         if self.corner_offsets is not None:
@@ -72,8 +69,7 @@ class QuadraticPatch:
         return QuadraticPatch(-_products(along) @ self.sagittas, corner_offsets)
 
     def divided(self, weights: FloatArray) -> QuadraticPatch:
-        """Patches of the same pieces of every facet, facet by facet, at barycentric coordinates `weights` (piece,
-        corner, vertex)."""
+        """Patches of equal pieces of every facet, facet by facet, at `weights` (piece, corner, vertex)."""
         along = weights[:, [2, 0, 1]] - weights[:, [1, 2, 0]]
         corner_offsets = split_values(4.0 * _products(weights), self.sagittas)
         if self.corner_offsets is not None:
@@ -101,27 +97,14 @@ class QuadraticPatch:
             np.tensordot(weights, corner_offsets, 1).reshape(-1, 3, 3) if corner_offsets else None,
         )
 
-    def after(self, count: int) -> QuadraticPatch:
-        """These patches after `count` flat facets."""
-        sagittas = np.zeros((count + len(self.sagittas), 3, 3))
-        sagittas[count:] = self.sagittas
-        if self.corner_offsets is None:
-            return QuadraticPatch(sagittas)
-        corner_offsets = np.zeros_like(sagittas)
-        corner_offsets[count:] = self.corner_offsets
-        return QuadraticPatch(sagittas, corner_offsets)
-
     @staticmethod
     def stack(parts: Sequence[QuadraticPatch]) -> QuadraticPatch:
         """Patches one after the other."""
-        corner_offsets = [
-            np.zeros_like(each.sagittas) if each.corner_offsets is None else each.corner_offsets for each in parts
-        ]
-        flat = all(each.corner_offsets is None for each in parts)
-        return QuadraticPatch(
-            concatenate_aligned([each.sagittas for each in parts]),
-            None if flat else concatenate_aligned(corner_offsets),
-        )
+        sagittas = concatenate_aligned([each.sagittas for each in parts])
+        if all(each.corner_offsets is None for each in parts):
+            return QuadraticPatch(sagittas)
+        offsets = [np.zeros_like(k.sagittas) if k.corner_offsets is None else k.corner_offsets for k in parts]
+        return QuadraticPatch(sagittas, concatenate_aligned(offsets))
 
 
 def split_facets(
@@ -178,8 +161,7 @@ def split_facets(
 
 
 def split_values(weights: FloatArray, values: FloatArray) -> FloatArray:
-    """(facet x piece, 3, 3) values of the same pieces of every facet: `weights` (piece, corner, vertex) of its `values`
-    (facet, vertex, 3)."""
+    """(facet x piece, 3, 3) values at `weights` (piece, corner, vertex) of facets' `values` (facet, vertex, 3)."""
     return np.asarray((weights.reshape(-1, 3) @ values).reshape(-1, 3, 3))
 
 

@@ -19,8 +19,7 @@ FACET_BULGE = 0.5
 STATIC_BULGE = 1.0
 """The same for static facets: shadows on them are exact at any size."""
 PATTERN_CHANGE, STATIC_PATTERN_CHANGE = 0.5, 0.2
-"""Largest error per tolerance of a pattern gain that is taken for exponential over a facet; the second is for static
-facets, whose errors repeat."""
+"""Largest error per tolerance of an exponential pattern gain over a facet; the second for static facets."""
 _MIN_TOLERANCE = 1e-4
 """Tolerance below which the pattern splits no facets: its error goes with the square of their size."""
 _MIN_BULGE = 0.003
@@ -28,18 +27,15 @@ _MIN_BULGE = 0.003
 _MIN_GAIN = 1e-6
 """Least pattern gain relative to the peak, -60 dB."""
 BAND_SWING = 4.0
-"""Phase [rad] between a facet's corners from the middle to the end of the band: two or three range cells, which few
-coefficients over the band follow."""
+"""Phase [rad] of a facet's corners from mid-band to its end: two or three range cells, for few coefficients."""
 MAX_HEIGHT = 2.0
-"""Height of a smooth surface over a part, as a phase, over the allowed bulge: it does not repeat as a plate's bulge
-does."""
+"""Height of a smooth surface over a part, as a phase, over the allowed bulge: plates repeat bulges, heights do not."""
 CUBIC_PHASE = 0.03
 """Cubic phase over a facet of edge L at range R, in k L^3 / R^2."""
 SAGITTA_ERROR = 0.02
 """Phase error of a facet of edge L and sagitta h at oblique incidence, in k h L / R."""
 MAX_TERMINATOR_TURN = 2.0
-"""Turn [rad] of a smooth facet at the terminator per root of the allowed bulge: its return ends with a kink, of order
-turn^2."""
+"""Turn [rad] of a smooth facet at the terminator per root of the allowed bulge: the kink there is of order turn^2."""
 MAX_PARTS = 8
 """Largest number of parts per edge."""
 

@@ -52,8 +52,7 @@ class Smoothing:
         return np.ascontiguousarray(np.take(total, self.group.T, axis=1).transpose(2, 1, 0))
 
     def turn(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        """(face,) largest chord between the unit normals of a corner and of the flat face, for vertices (vertex, 3)
-        [m]."""
+        """(face,) largest chord between unit normals of a corner and of the flat face, for vertices (vertex, 3) [m]."""
         flat = face_normals(vertices, faces)
         flat /= np.maximum(lengths(flat), 1e-300)[:, None]
         return max_component(lengths(self.normals(vertices, faces) - flat[:, None]))
@@ -65,9 +64,7 @@ class Smoothing:
     def patches(
         self, vertices: Sequence[FloatArray], faces: IntArray, chosen: NDArray[np.intp] | None = None
     ) -> list[QuadraticPatch]:
-        """:meth:`patch` at several times: sagittas
-        (:func:`~rfgen_sionna.tracing.surface.quadratic_patch.edge_sagittas`) by Dr.Jit. Only the faces `chosen` need
-        patches; None means all."""
+        """:meth:`patch` at several times, by Dr.Jit. Only the faces `chosen` need patches; None means all."""
         count, times, size = len(faces) if chosen is None else len(chosen), len(vertices), len(faces)
         if not count:
             return [QuadraticPatch(np.zeros((size, 3, 3))) for _ in range(times)]
@@ -195,9 +192,8 @@ def _contributing(
     other: NDArray[np.int64],
     links: coo_array,
 ) -> NDArray[np.intp]:
-    """Face corners that contribute to the normal of their group. Plane parts determine it beside edges `edge` to bent
-    parts (`other`), which contribute nothing there, nor do parts linked to them alone. `links` join corners of
-    neighbouring faces."""
+    """Face corners that contribute to the normal of their group: those of plane parts beside edges `edge` to bent parts
+    (`other`), not the bent ones, nor parts linked to them alone. `links` join corners of neighbouring faces."""
     if not len(edge):
         return np.arange(len(group))
     count = int(flats.part.max()) + 1
@@ -223,9 +219,9 @@ def _normal_groups(group: NDArray[np.integer[Any]], contributing: NDArray[np.int
 
 
 def _tips(smooth: Smoothing, vertices: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
-    """(face corner,) corners at the tip of a cone, where a mean normal would bulge the sides. Edges leave a tip at an
-    angle to its normal and arrive at their other ends at right angles to the normal there; on a round surface both
-    angles are equal."""
+    """(face corner,) corners at the tip of a cone, where a mean normal would bulge the sides: edges leave it at an
+    angle to its normal and arrive at right angles to the normals at their other ends. On a round surface both angles
+    are equal."""
     normals, places = smooth.normals(vertices, faces), vertices[faces]
     leaving, arriving = np.zeros((2, *faces.shape))
     for on in (1, 2):

@@ -56,8 +56,7 @@ class Surfaces:
 
 
 def tolerance_groups(surfaces: Sequence[Surface]) -> IntArray:
-    """(surface,) tolerance group of each surface, by the index of its first: one per actor, one for all static
-    surfaces."""
+    """(surface,) first surface of each one's tolerance group: one group per actor, one for all static surfaces."""
     still = np.array([each.still for each in surfaces], np.bool_)
     return np.where(still, still.argmax() if still.any() else 0, np.arange(len(still))).astype(np.int32)
 

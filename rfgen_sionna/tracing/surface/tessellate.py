@@ -57,8 +57,8 @@ class Tessellation:
 
     @cached_property
     def shares(self) -> FloatArray | None:
-        """(facet, 4) share of the facet in its grain, and barycentric coordinates of the grain's middle in the facet;
-        None without grains."""
+        """(facet, 4) share of the facet in its grain, barycentric coordinates of the grain's middle; None without
+        grains."""
         if self.grains is None:
             return None
         share = np.abs(np.linalg.det(self.weights) / np.linalg.det(self.grains))
@@ -99,8 +99,7 @@ class Tessellation:
         smooth: Smoothing | None,
         chosen: NDArray[np.intp] | None = None,
     ) -> list[QuadraticPatch]:
-        """Patches of the facets at several times, for vertices (vertex, 3) [m]; only the `chosen` ones need any, None
-        means all."""
+        """Patches of the facets at several times; only the `chosen` ones need any, None means all."""
         count, pieces = len(self.face), self.pieces
         if smooth is None or not count:
             return [QuadraticPatch(np.zeros((count, 3, 3))) for _ in vertices]
@@ -195,12 +194,10 @@ def tessellate(
 
     Parameters
     ----------
-    vertices, faces
-        (vertex, 3) [m] and (face, 3).
-    viewpoint
-        (3,) phase centre of the radar [m].
-    frequency
-        Highest frequency of the band [Hz].
+    vertices, faces, viewpoint
+        (vertex, 3) [m], (face, 3), and (3,) phase centre of the radar [m].
+    frequency, half_band
+        Highest frequency and half the sampled band [Hz]; :data:`BAND_SWING` bounds the facets' depth.
     rtol
         Error relative to the surface's return in the direction of the highest gain.
     pattern_gain
@@ -208,16 +205,12 @@ def tessellate(
         steep ones finer facets.
     max_range
         Facets beyond it [m] are omitted.
-    half_band
-        Half the sampled band [Hz]; :data:`BAND_SWING` bounds the facets' depth.
     limit
         Largest number of facets.
     images
         Mirror images (vertex, 3) [m] of the vertices, each with its `rtol`.
-    smooth
-        Normals of the smooth surface; None means flat faces.
-    still
-        Whether the surface is static.
+    smooth, still
+        Normals of the smooth surface, None means flat faces; whether it is static.
     grain
         Longest edge of grains [m], which do not depend on the viewpoint and bound the facets; None means no grains.
 
