@@ -69,8 +69,8 @@ class ClippedFootprints:
     def take(self, chosen: NDArray[np.bool_]) -> Self:
         """Entries by the mask `chosen` (entry,)."""
         place, used = np.cumsum(chosen) - 1, chosen[self.owner]
-        pieces = {"pieces": self.pieces[used], "owner": place[self.owner[used]], "share": self.share[used]}
-        return replace(self, **self._entries(chosen), **pieces)
+        pieces, owner, share = self.pieces[used], place[self.owner[used]], self.share[used]
+        return replace(self, **self._entries(chosen), pieces=pieces, owner=owner, share=share)
 
     def _entries(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> dict[str, Any]:
         """Fields per entry, indexed."""

@@ -54,6 +54,9 @@ REST_INTERVALS = 3
 WAKE_GROWTH = 1.1
 """Growth of its number of facets that ends a skip."""
 
+_Groups = tuple[set[tuple[int, ...]], set[tuple[int, ...]]]
+"""Groups (surface, first, last) with one and with two reflected legs."""
+
 
 @dataclass(frozen=True)
 class ReflectionVisibility:
@@ -331,7 +334,7 @@ class PlanarReflections:
         t: float,
         facets: Facets,
         visible: ReflectionVisibility,
-        weak: tuple[set[tuple[int, ...]], set[tuple[int, ...]]],
+        weak: _Groups,
     ) -> FloatArray:
         """(tolerance group,) diffraction error of the outlines at `t` [s]."""
         points = [*self._surfaces.static_vertices, *self._positions(t)]
@@ -353,10 +356,7 @@ class PlanarReflections:
     ) -> list[ReflectedFacets]:
         """Facets over time with mirror weights."""
         shares = mirror_weights(self._area, self.owner[facets[0].number[keys[:, 0]]], keys[:, 1], keys[:, 2])
-        return [
-            visible_facets.times(shares)
-            for visible_facets in self._legs.over_time(facets, keys, footprint_sets, swapped)
-        ]
+        return [each.times(shares) for each in self._legs.over_time(facets, keys, footprint_sets, swapped)]
 
     def _shared_levels(self, reference_level: FloatArray) -> FloatArray:
         """(surface,) reference levels; of surfaces at rest in the world the strongest."""
@@ -364,7 +364,7 @@ class PlanarReflections:
 
     def _weak(
         self, t: float, facets: Facets, visible: ReflectionVisibility, reference_level: FloatArray
-    ) -> tuple[tuple[set[tuple[int, ...]], set[tuple[int, ...]]], FloatArray]:
+    ) -> tuple[_Groups, FloatArray]:
         """Negligible groups (surface, first, last) of `visible.once` and `visible.twice`, and the level of each
         surface's strongest return, direct or not."""
         found: list[tuple[NDArray[np.int64], FloatArray]] = []
@@ -377,16 +377,14 @@ class PlanarReflections:
             coherent, single = self._returns.levels(way, t, visible_facets, index.reshape(-1), len(groups))
             np.maximum.at(reference_level, groups[:, 0], coherent)
             times = 1 if all(way) else 2  # both directions
-            found.append(
-                (np.column_stack([np.full(len(groups), all(way)), groups]), times * np.maximum(coherent, single))
-            )
+            keys = np.column_stack([np.full(len(groups), all(way)), groups])
+            found.append((keys, times * np.maximum(coherent, single)))
         reference_level = self._shared_levels(reference_level)
-        weak: tuple[set[tuple[int, ...]], set[tuple[int, ...]]] = (set(), set())
+        weak: _Groups = (set(), set())
         if found:
             groups, levels = (np.concatenate([each[part] for each in found]) for part in (0, 1))
-            tolerance_group = np.where(
-                self._still, -1, np.arange(len(reference_level))
-            )  # surfaces at rest share one tolerance
+            # Surfaces at rest share one tolerance.
+            tolerance_group = np.where(self._still, -1, np.arange(len(reference_level)))
             for each in np.unique(tolerance_group):
                 index = np.flatnonzero(tolerance_group[groups[:, 1]] == each)
                 index = index[np.argsort(levels[index], kind="stable")]

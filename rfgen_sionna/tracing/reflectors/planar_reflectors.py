@@ -142,18 +142,9 @@ def find_planar_parts(
                 continue
             windows = _outline_polygons(place, used, faces[chosen], float(area[label]))
             if windows:
-                found.append(
-                    PlanarPart(
-                        position,
-                        surface.name,
-                        surface.material,
-                        chosen.astype(np.int64) + surface.first_facet,
-                        used,
-                        windows,
-                        float(area[label]),
-                        faces[chosen[0]].astype(np.intp) if surface.closed else None,
-                    )
-                )
+                outside = faces[chosen[0]].astype(np.intp) if surface.closed else None
+                numbers, given = chosen.astype(np.int64) + surface.first_facet, (surface.name, surface.material)
+                found.append(PlanarPart(position, *given, numbers, used, windows, float(area[label]), outside))
     return tuple(found)
 
 

@@ -98,7 +98,7 @@ def refine_occlusion(
     whole = (static.paths.a[0, 0, some] * _phasors(static.paths, some))[:, 0] * static.weight[some]
     together = np.cumsum(LEAVE_ONE_OUT_SCALE * leave_one_out(whole[order, None] * left[some[order]]), axis=0)
     apart = np.sqrt(np.cumsum(at_most[order] ** 2))
-    skipped = np.maximum.accumulate(np.maximum(apart, rms(together)))  # one by one, and as they add up, side by side
+    skipped = np.maximum.accumulate(np.maximum(apart, rms(together)))  # incoherent and coherent
     sure = int(np.count_nonzero(skipped <= _NEGLIGIBLE_SHARE * BETWEEN_PER_RTOL * rtol * static.level))
     apart_skipped, together_skipped = (
         (apart[sure - 1], together[sure - 1]) if sure else (0.0, np.zeros(together.shape[1], np.complex128))
@@ -106,10 +106,8 @@ def refine_occlusion(
     rows = np.sort(order[sure:])
     some, width, mine = some[rows], width[rows], np.zeros(len(left), np.bool_)
     mine[some] = True
-    integrated_visibility, most = (
-        static.integrated([each.only(mine) for each in static_visibility]),
-        max_subdivisions(len(sample_times), MAX_SUBDIVISIONS),
-    )
+    integrated_visibility = static.integrated([each.only(mine) for each in static_visibility])
+    most = max_subdivisions(len(sample_times), MAX_SUBDIVISIONS)
     found = choose_refinement(
         LEAVE_ONE_OUT_SCALE * _single(static, some, left[some], integrated_visibility),
         np.broadcast_to(_phasors(static.paths, some), (len(some), len(sample_times))), left[some], width,

@@ -185,9 +185,9 @@ def trace_static_reflections(
         return found.times(shares)
 
     blank = next(each for each in reflectors if each is not None)
-    mirrors = tuple(reflector or blank for reflector in reflectors)
+    every_mirror = tuple(reflector or blank for reflector in reflectors)
     names = surfaces.object_names, surfaces.part_names
-    returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: mirrors, setup.legs.band)
+    returns = ImageReturns(surfaces.static, names, radar, rtol, lambda _: every_mirror, setup.legs.band)
     least = NEGLIGIBLE * rtol * static.level
     footprint_sets, omitted = _cull_weak(weighted, facets, returns, clipper, footprint_sets, least)
     # The static scene is one tolerance group.
@@ -274,7 +274,7 @@ def _cull_weak(
     if not waves:
         return footprint_sets, 0.0
     wave, kind = np.concatenate(waves, axis=1), np.concatenate(kinds)
-    group = np.unique(np.concatenate(keys, axis=1), axis=1, return_inverse=True)[1].reshape(-1)
+    group = np.unique(np.concatenate(keys, axis=1), axis=1, return_inverse=True)[1].reshape(-1).astype(np.int32)
     energy, size = (np.abs(wave) ** 2).mean(axis=0), int(group.max()) + 1
     order, missed = np.argsort(energy), 0.0
     while len(order):

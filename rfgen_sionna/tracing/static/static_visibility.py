@@ -124,23 +124,15 @@ def static_facets(
     [m], visible or not."""
     pieces = [
         tessellate(
-            points,
-            surface.faces,
-            viewpoint,
-            band.highest,
-            rtol,
-            band.pattern_gain,
-            max_range,
-            band.half_band,
-            smooth=surface.smooth,
-            still=True,
+            points, surface.faces, viewpoint, band.highest, rtol, band.pattern_gain, max_range, band.half_band,
+            smooth=surface.smooth, still=True,
         )
         if chosen is None or number in chosen
         else NO_FACETS
         for number, (points, surface, rtol) in enumerate(
             zip(surfaces.static_vertices, surfaces.static, tolerance.tolist(), strict=True)
         )
-    ]
+    ]  # fmt: skip
     wavenumber = max_wavenumber(band)
     flat = stack_facets(surfaces.static, pieces, [surfaces.static_vertices], viewpoint, wavenumber)
     (found,) = with_patches(flat, surfaces.static, pieces, [surfaces.static_vertices])
