@@ -22,7 +22,7 @@ from rfgen_sionna.tracing.surface.facets import Facets
 
 CULLED_PER_RTOL, CURVED_FACTOR = 0.2, 2.0
 """Return of omitted facets over that of the surface, both by
-:func:`rfgen_sionna.tracing.surface.return_estimates.estimate_returns`, per unit of the tolerance: flat surfaces return
+:func:`rfgen_sionna.tracing.surface.facet_positions.estimate_returns`, per unit of the tolerance: flat surfaces return
 up to twice the estimate. The second is a factor for curved ones, whose estimates account for curvature."""
 NONREFLECTING = 1e-9
 """Reflection coefficient below which a surface counts as nonreflecting."""

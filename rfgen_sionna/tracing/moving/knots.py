@@ -150,8 +150,8 @@ def choose_knots(
             return Knots(times, float(lengths(off.T).max()))
         if spacing < 2 * MIN_SPACING:
             _LOG.warning(
-                "the motion between %.4f and %.4f s is not smooth: with knots %.2g ms apart the phase error is %.2g rad, "
-                "between elements %.2g rad, that of the antenna gain %.2g (allowed: %.2g); time_error includes it",
+                "the motion from %.4f to %.4f s is not smooth: with knots %.2g ms apart the phase error is %.2g rad,"
+                " between elements %.2g rad, that of the antenna gain %.2g (allowed: %.2g); time_error includes it",
                 start, stop, 1e3 * spacing, *off.max(axis=1), tolerance,
             )  # fmt: skip
             return Knots(times, float(lengths(off.T).max()))
