@@ -1,4 +1,4 @@
-"""Gains towards many places at once are those that the pattern has for each."""
+"""Pattern gains and gradients by the kernel against the pattern itself."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from rfgen_sionna.tracing.gains.element_pattern import PatternGain
 
 
 def turned(seed):
-    """A rotation, and unit vectors all around with the poles and the way back among them."""
+    """A rotation, and unit vectors all around, poles and back included."""
     rng = np.random.default_rng(seed)
     rotation = np.linalg.qr(rng.standard_normal((3, 3)))[0]
     rotation *= np.sign(np.linalg.det(rotation))
@@ -18,7 +18,7 @@ def turned(seed):
 
 
 @pytest.mark.parametrize("name", ["awr1843", "mmwcas", "position2go"])
-def test_it_is_the_radar_s_pattern(name):
+def test_gains_are_those_of_the_radar_s_pattern(name):
     pattern = Radar.load(name).pattern
     assert isinstance(pattern, ElementPattern)
     rotation, direction = turned(0)
@@ -38,7 +38,7 @@ def test_it_is_the_radar_s_pattern(name):
     assert near[6:].all()
 
 
-def test_it_rises_as_it_changes_from_place_to_place():
+def test_gradients_are_differences_of_gains():
     rotation, direction = turned(1)
     beam = PatternGain(Radar.load("awr1843").pattern, rotation)
     # Towards the poles the slope is left small, and at the cuts' angles it bends.
@@ -52,14 +52,14 @@ def test_it_rises_as_it_changes_from_place_to_place():
     assert np.quantile(np.abs(np.stack(rise, axis=1) - beam.gradients(place)), 0.99) < 1e-4
 
 
-def test_one_that_is_the_same_all_around_pulls_nowhere():
+def test_an_isotropic_pattern_has_no_gradient():
     rotation, direction = turned(2)
     beam = PatternGain(ElementPattern(3.0), rotation)
     assert np.allclose(beam.gains(direction), 1.0)
     assert beam.gradients(direction) is None
 
 
-def test_a_table_is_looked_up():
+def test_gains_of_a_table():
     azimuth, elevation = np.linspace(-180, 180, 73), np.linspace(-90, 90, 37)
     table = TablePattern.of(azimuth, elevation, 6.0 - 0.05 * np.abs(azimuth)[:, None] - 0.1 * np.abs(elevation))
     rotation, direction = turned(3)

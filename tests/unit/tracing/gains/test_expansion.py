@@ -1,4 +1,4 @@
-"""What expansions promise: polynomials come out exactly, slopes are those of the gains, tangents give every pair."""
+"""Expansions: exact polynomials, slopes of the gains, and gains of every pair."""
 
 import numpy as np
 import pytest
@@ -18,9 +18,9 @@ from rfgen_sionna.tracing.tracer import Tracer
 
 
 @pytest.mark.parametrize(("order", "count", "slopes"), TANGENTS)
-def test_polynomials_come_out_exactly(order, count, slopes):
-    """a(u, v, w) = p(u) + v . q(u) + v . r(u) v + v . s(u) v + w . s(u) w - m . s(u) m, with p of the coefficients
-    asked for and q, r and s of as many as nodes; those that there are no slopes for are not there."""
+def test_polynomials_are_exact(order, count, slopes):
+    """a(u, v, w) = p(u) + v . q(u) + v . r(u) v + v . s(u) v + w . s(u) w - m . s(u) m, with the requested coefficients
+    of p and one coefficient of q, r and s per node; terms without slopes are zero."""
     rng = np.random.default_rng(order)
     own, across = rng.normal(size=order), rng.normal(size=(2 + 3 * slopes, count))
     apart, middle = rng.normal(size=(5, 2)), rng.normal(size=2)
@@ -44,9 +44,8 @@ def test_polynomials_come_out_exactly(order, count, slopes):
 @pytest.mark.parametrize("parts", [1, 3])
 @pytest.mark.parametrize("medium", ["skin", "glass"])
 def test_slopes_are_those_of_the_gains(bent, parts, medium):
-    """Facets of a centimetre at 3 m: slopes against differences of gains, of all together within a hundredth of what
-    the gains change by over 5 GHz and 1 cm; those over the wavenumber, that permittivities and slabs have a share in,
-    within a thousandth of themselves."""
+    """Facets of a centimetre at 3 m: slopes against differences of gains, within a hundredth of the change over 5 GHz
+    and 1 cm. Slopes over the wavenumber, with permittivities and slabs, within a thousandth."""
     rng = np.random.default_rng(1)
     count = 100
     corners = np.array([3.0, 0, 0]) + rng.normal(size=(count, 1, 3)) * 0.3 + rng.normal(size=(count, 3, 3)) * 0.006
@@ -90,10 +89,9 @@ def test_slopes_are_those_of_the_gains(bent, parts, medium):
 
 
 @pytest.mark.parametrize("bent", [False, True])
-def test_frequencies_of_a_pair_together_are_those_one_by_one(bent):
-    """Of skin, and of metal beside it, seen from all sides: what materials reflect changes linearly over the band, and
-    that misses less than 0.2 of the square of band over frequency. Slopes, which others hold to a thousandth (over
-    the wavenumber) and to several per cent, are the same to a thousandth or two: materials are those of the middle."""
+def test_steady_frequencies_of_a_pair_agree_with_single_ones(bent):
+    """Skin and metal from all sides: reflection that is linear over the band errs by less than 0.2 (band /
+    frequency)^2. Slopes agree to two thousandths: their materials are those of mid-band."""
     rng = np.random.default_rng(2)
     count, band = 400, 4e9
     middles = np.array([3.0, 0, 0]) + rng.normal(size=(count, 1, 3)) * 0.3
@@ -113,8 +111,8 @@ def test_frequencies_of_a_pair_together_are_those_one_by_one(bent):
     assert not np.array_equal(together, one_by_one)
 
 
-def test_a_tangent_gives_the_return_at_every_pair_and_place_of_the_band():
-    """A ball before the mmMesh array: two integrals a facet instead of nine, and the same return to the tolerance."""
+def test_a_tangent_has_the_return_of_every_pair_over_the_band():
+    """A ball before the mmMesh array: two integrals per facet instead of nine, the same return within the tolerance."""
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
     ball = MeshActor.from_mesh(mesh, material="skin", position=(2, 0.4, 1.1), name="ball")
@@ -142,8 +140,8 @@ def test_a_tangent_gives_the_return_at_every_pair_and_place_of_the_band():
 
 
 @pytest.mark.parametrize("shape", ["ball", "box"])
-def test_all_pieces_of_a_facet_return_what_it_does(shape):
-    """Sixteen pieces, each with its own phase and patch: gains to the integral's own error, and slopes to a tenth."""
+def test_the_pieces_of_a_facet_sum_to_its_return(shape):
+    """Sixteen pieces with their own phases and patches: gains to the integral's error, slopes to a tenth."""
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
     mesh = ball if shape == "ball" else trimesh.creation.box((0.02, 0.06, 0.05))

@@ -1,4 +1,4 @@
-"""Facets that are integrated apart come back in their order."""
+"""Gains of facets in parts, delay rates, and media at the nodes."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 
 @pytest.mark.parametrize("runs", [1, 2, 7, 400])
 def test_flat_and_curved_facets_come_back_in_their_order(runs: int):
-    """Gains of facets, some of which count as curved, are those of the same facets one by one."""
+    """Gains of flat and curved facets are those of single facets."""
     rng = np.random.default_rng(runs)
     curved = np.repeat(np.arange(runs) % 2 == 1, rng.integers(1, 9, runs))
     corners = np.array([3.0, 0, 0]) + 0.01 * rng.normal(size=(len(curved), 3, 3))
@@ -39,7 +39,7 @@ def test_flat_and_curved_facets_come_back_in_their_order(runs: int):
 
 
 def test_rates_are_those_of_delays():
-    """Of points that move as straight as may be, against delays just before and after."""
+    """Rates of points in straight motion against differences of delays."""
     radar = Radar.load("awr1843", "mmmesh", position=(0.3, -0.2, 1), look_at=(3, 0, 1))
     band, rng = gains.BandTracer(radar, 1e-2), np.random.default_rng(0)
     places, velocities = rng.uniform(-1, 1, (40, 3)) + np.array([3, 0, 1]), rng.uniform(-5, 5, (40, 3))
@@ -51,8 +51,8 @@ def test_rates_are_those_of_delays():
     assert np.abs(found).max() > 1.0 / SPEED_OF_LIGHT
 
 
-def test_media_are_known_at_every_node_up_to_where_their_source_ends():
-    """A thickness for each material, whatever the number of nodes, and no permittivity asked for beyond the band."""
+def test_media_at_the_end_of_a_material_s_frequency_range():
+    """One thickness per material for any number of nodes, and no permittivity beyond the band."""
     materials = [material_named(name, outside="raise") for name in ("skin", "glass", "plasterboard")]
     media = Media.at(materials, np.array([96e9, 98e9, 100e9]), 2e9)
     assert media.thickness.shape == media.smoothness.shape == (3,)

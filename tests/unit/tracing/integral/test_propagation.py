@@ -8,7 +8,7 @@ from rfgen_sionna.tracing.integral.propagation import delay_rates, phasors, prop
 
 
 @pytest.mark.parametrize(("senders", "receivers"), [(1, 1), (3, 4), (12, 16), (3, 1), (1, 2)])
-def test_delays_are_ways_there_and_back(senders, receivers):
+def test_delays_are_path_lengths_over_the_speed_of_light(senders, receivers):
     rng = np.random.default_rng(senders)
     places, tx, rx = rng.normal(size=(501, 3)) * 5, rng.normal(size=(senders, 3)), rng.normal(size=(receivers, 3))
     there = np.linalg.norm(places - tx[:, None], axis=2)[:, None]
@@ -19,7 +19,7 @@ def test_delays_are_ways_there_and_back(senders, receivers):
     assert propagation_delays(places[:0], tx, rx).shape == (senders, receivers, 0)
 
 
-def test_rates_are_those_of_the_delays():
+def test_rates_are_differences_of_delays():
     rng = np.random.default_rng(7)
     places, speed = rng.normal(size=(2, 300, 3)) + 3.0
     tx, rx, step = rng.normal(size=(3, 3)), rng.normal(size=(4, 3)), 1e-5

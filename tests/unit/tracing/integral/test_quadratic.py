@@ -20,7 +20,8 @@ def dense(k, lengths, length_sagittas, strengths, strength_sagittas, n=120):
 
 
 def found(k, lengths, length_sagittas, strengths, strength_sagittas, ways=None, path_curvatures=()):
-    """(term, triangle) of :meth:`Quadratic.mean`; of ways and bows (corner or edge, triangle) corners, then rises."""
+    """(term, triangle) of :meth:`Quadratic.mean`; `ways` and `path_curvatures` (corner or edge, triangle): corners,
+    then sagittas."""
     dr, types = drjit_types()
     real = types.Float64
 
@@ -49,8 +50,8 @@ def some(rng, slope, sag, uneven=0.0, count=40):
 
 
 @pytest.mark.parametrize("bulge", [0.1, 0.2, 0.4])
-def test_seen_head_on_what_is_missed_is_of_third_order(bulge):
-    """A bulge b without a slope: less than b^3 / 60 is missed, where its spread takes up to b^2 / 10."""
+def test_the_error_at_normal_incidence_is_of_third_order(bulge):
+    """Error below b^3 / 60 for a bulge b without slope, whose effect is up to b^2 / 10."""
     case = some(np.random.default_rng(0), 0.0, bulge)
     truth, size = dense(1.0, *case), np.abs(case[1]).max(axis=0)
     assert (np.abs(found(1.0, *case)[0] - truth) < size**3 / 60).all()
@@ -59,8 +60,8 @@ def test_seen_head_on_what_is_missed_is_of_third_order(bulge):
 
 @pytest.mark.parametrize("slope", [0.3, 3.0, 30.0])
 @pytest.mark.parametrize("bulge", [0.02, 0.1, 0.3])
-def test_aslant_it_is_of_second_order(slope, bulge):
-    """Phases of up to 100 rad over the triangle: less than 0.03 b^2, and b / 25 of an uneven strength's tenths."""
+def test_the_error_at_oblique_incidence_is_of_second_order(slope, bulge):
+    """Phases of up to 100 rad: error below 0.03 b^2, plus b / 25 for a strength that varies by a tenth."""
     rng = np.random.default_rng(1)
     for uneven, least in ((0.0, 0.0), (0.1, 0.04)):
         case = some(rng, slope, bulge, uneven)
@@ -69,8 +70,8 @@ def test_aslant_it_is_of_second_order(slope, bulge):
 
 
 def test_slopes_are_those_of_the_mean():
-    """Over the wavenumber, along two ways, second ones, and along bows: differences of the mean itself; those along
-    ways to second order in the bulge. Ways and bows that rise between the corners change the bulge as well."""
+    """Slopes over the wavenumber, two path variations and path curvatures are differences of the mean, to second order
+    in the bulge."""
     rng = np.random.default_rng(2)
     case, k, step = some(rng, 2.0, 0.05), 1.3, 1e-4
     ways, path_curvatures = rng.normal(size=(2, 6, 40)), rng.normal(size=(3, 6, 40))

@@ -8,8 +8,8 @@ from rfgen_sionna.tracing.integral.simplex import moments
 
 
 def quadrature(p, n=160):
-    """(10,) mean, three corner and three edge moments, and what the latter grow by with all phases; Duffy's map makes
-    the triangle a square."""
+    """(10,) mean, three corner and three edge moments, and growth of the edge moments; Duffy's map makes the triangle a
+    square."""
     node, weight = np.polynomial.legendre.leggauss(n)
     s, t = np.meshgrid((node + 1) / 2, (node + 1) / 2, indexing="ij")
     w = np.outer(weight, weight) / 4 * 2 * s  # Jacobian s, mean over an area of 1/2
@@ -44,7 +44,7 @@ PHASES = [
 
 
 def test_moments_agree_with_quadrature():
-    """All orders of the corners, in and between both branches, to 1e-11, and growth over the largest phase as well."""
+    """All orders of the corners, in and between both branches, to 1e-11; growth relative to the largest phase."""
     dr, types = drjit_types()
     orders = [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]
     phases = np.array([[phase[i] for i in order] for phase in PHASES for order in orders])

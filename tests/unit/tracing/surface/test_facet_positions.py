@@ -1,4 +1,4 @@
-"""The kernels that place facets and tell strong faces are what NumPy says they are."""
+"""Kernels of facet positions and estimated returns against NumPy."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def times(count):
 
 
 def pieces(kind):
-    """The faces themselves, some of them in another order, or faces in pieces, as near ones are."""
+    """The faces themselves, some of them in another order, or faces in pieces."""
     count = len(FACES)
     chosen = np.arange(count) if kind == "faces" else np.random.default_rng(0).permutation(count)[:200]
     eye = np.broadcast_to(np.eye(3), (len(chosen), 3, 3))
@@ -39,8 +39,8 @@ def pieces(kind):
 
 @pytest.mark.parametrize("subdivisions", [3, 1, 0])
 @pytest.mark.parametrize("count", [1, 3])
-def test_meshes_of_all_sizes_are_placed_by_what_one_has_recorded(subdivisions, count):
-    """One facet of a mesh as well."""
+def test_one_recording_serves_meshes_of_all_sizes(subdivisions, count):
+    """Meshes of one facet included."""
     ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.3)
     faces = ball.faces.astype(np.int32)
     for chosen in (np.arange(len(faces)), np.array([len(faces) // 2]), np.array([3, 1])):
@@ -57,7 +57,7 @@ def test_meshes_of_all_sizes_are_placed_by_what_one_has_recorded(subdivisions, c
 
 @pytest.mark.parametrize("kind", ["faces", "some", "pieces"])
 @pytest.mark.parametrize("count", [1, 3])
-def test_facets_are_where_their_faces_corners_put_them(kind, count):
+def test_facets_follow_the_corners_of_their_faces(kind, count):
     piece = pieces(kind)
     vertices, faces = times(count), FACES
     if kind == "pieces":
@@ -71,19 +71,19 @@ def test_facets_are_where_their_faces_corners_put_them(kind, count):
         assert np.allclose(found.corners[k], corners, rtol=0, atol=1e-14)
         assert np.allclose(found.centroids[k], corners.mean(axis=1), rtol=0, atol=1e-14)
         normals, middles = face_normals(points, faces), points[faces].mean(axis=1)
-        occluders = np.einsum("fi,fi->f", normals, RADAR - middles) > 0
-        assert np.array_equal(found.towards[k], occluders[piece.face])
+        facing = np.einsum("fi,fi->f", normals, RADAR - middles) > 0
+        assert np.array_equal(found.towards[k], facing[piece.face])
         assert np.allclose(found.return_estimate[k], estimate_returns((corners - RADAR).T, WAVENUMBER), rtol=1e-9)
 
 
-def test_no_facets_are_nowhere():
+def test_no_facets():
     found = place_facets(NO_FACETS, FACES, times(2), RADAR, WAVENUMBER)
     assert found.corners.shape == (2, 0, 3, 3)
     assert found.towards.shape == found.return_estimate.shape == (2, 0)
 
 
 @pytest.mark.parametrize("subdivisions", [1, 2, 0])
-def test_faces_that_tell_are_told_by_their_corners(subdivisions):
+def test_estimated_returns_agree_with_numpy(subdivisions):
     coarse = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.3)
     vertices, faces = np.asarray(coarse.vertices), coarse.faces.astype(np.int32)
     for some in (faces, faces[:1], faces[3:5]):

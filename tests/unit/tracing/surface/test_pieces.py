@@ -1,4 +1,4 @@
-"""Pieces of facets, by Dr.Jit, against the same reckoned step by step."""
+"""Pieces of facets by Dr.Jit against NumPy."""
 
 import numpy as np
 import pytest
@@ -7,15 +7,17 @@ from rfgen_sionna.tracing.surface.facets import _piece_keys
 from rfgen_sionna.tracing.surface.quadratic_patch import QUARTERS, QuadraticPatch, split_facets
 
 
-@pytest.mark.parametrize("lifted", [None, False, True])
+@pytest.mark.parametrize("displaced", [None, False, True])
 @pytest.mark.parametrize("count", [0, 1, 300])
-def test_pieces_lie_on_the_surface_of_their_facets(lifted, count):
+def test_pieces_lie_on_the_surface_of_their_facets(displaced, count):
     rng = np.random.default_rng(count)
     corners, owner = rng.normal(size=(7, 3, 3)), np.sort(rng.integers(0, 7, count))
     weights = rng.dirichlet(np.ones(3), (count, 3))
     patch = None
-    if lifted is not None:
-        patch = QuadraticPatch(0.1 * rng.normal(size=(7, 3, 3)), 0.1 * rng.normal(size=(7, 3, 3)) if lifted else None)
+    if displaced is not None:
+        patch = QuadraticPatch(
+            0.1 * rng.normal(size=(7, 3, 3)), 0.1 * rng.normal(size=(7, 3, 3)) if displaced else None
+        )
     found, bent, width = split_facets(corners, patch, owner, weights)
     np.testing.assert_allclose(found, weights @ corners[owner], atol=1e-14)
     longest = [
@@ -29,7 +31,7 @@ def test_pieces_lie_on_the_surface_of_their_facets(lifted, count):
         np.testing.assert_allclose(bent.corner_offsets, slow.corner_offsets, atol=1e-15)
 
 
-def test_quarters_of_a_facet_are_half_as_wide_and_make_it_up():
+def test_quarters_have_half_the_width_and_the_whole_area():
     corners = np.random.default_rng(1).normal(size=(1, 3, 3))
     found, _, width = split_facets(corners, None, np.zeros(4, np.intp), QUARTERS)
     np.testing.assert_allclose(width, 0.5, rtol=1e-12)
@@ -38,9 +40,8 @@ def test_quarters_of_a_facet_are_half_as_wide_and_make_it_up():
     np.testing.assert_allclose(sides.sum(axis=0), whole, atol=1e-12)
 
 
-def test_pieces_draw_phases_of_their_own():
-    """Of 2,000 facets of one face, 64 pieces each: no two have the same number, and which bits it has goes with
-    nothing."""
+def test_pieces_have_different_numbers():
+    """2,000 facets of one face, 64 pieces each: numbers differ, and their bits are balanced."""
     weights = np.eye(3)[None]
     for _ in range(3):
         weights = np.einsum("qcv,pvw->pqcw", QUARTERS, weights).reshape(-1, 3, 3)

@@ -1,4 +1,4 @@
-"""Facets are pieces of faces, however many of these are left out."""
+"""Facets are pieces of faces, with or without faces out of range."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ BALL = trimesh.creation.icosphere(3, 0.3)
 @pytest.mark.parametrize("order", ["near first", "far first"])
 @pytest.mark.parametrize("reach", [2.5, 3.0, 20.0])
 def test_facets_lie_where_their_faces_do(order, reach):
-    """None, some or all of the faces of a ball at 3 m are within reach."""
+    """None, some or all of the faces of a ball at 3 m are in range."""
     vertices, faces = np.asarray(BALL.vertices) + np.array([3.0, 0, 0]), np.asarray(BALL.faces, np.int32)
     distance = np.linalg.norm(vertices[faces].mean(axis=1), axis=1)
     faces = faces[np.argsort(distance if order == "near first" else -distance)]
@@ -34,7 +34,7 @@ def test_facets_lie_where_their_faces_do(order, reach):
 
 @pytest.mark.parametrize("mesh", [BALL, trimesh.creation.box((0.3, 0.3, 0.3))], ids=["ball", "box"])
 @pytest.mark.parametrize("far_first", [True, False])
-def test_what_is_out_of_range_does_not_touch_what_is_within(mesh, far_first):
+def test_objects_out_of_range_do_not_change_those_within(mesh, far_first):
     radar = Radar.load("awr1843")
 
     def actor(distance):
@@ -48,9 +48,8 @@ def test_what_is_out_of_range_does_not_touch_what_is_within(mesh, far_first):
     assert np.array_equal(both.tau, alone.tau)
 
 
-def test_surfaces_seen_aslant_are_integrated_in_fewer_parts():
-    """A ball's height over a facet lengthens the path by twice that times the cosine of incidence; whatever the facets
-    are of, and what turns towards the viewpoint takes more again."""
+def test_oblique_surfaces_take_fewer_parts():
+    """A ball's height over a facet lengthens the path by twice its product with the cosine of incidence."""
     vertices, faces = np.asarray(BALL.vertices) + np.array([3.0, 0, 0]), np.asarray(BALL.faces, np.int32)
     pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-3, smooth=find_smoothing(vertices, faces))
     visible = pieces.visible_parts([vertices], faces, np.zeros(3))
@@ -65,8 +64,8 @@ def test_surfaces_seen_aslant_are_integrated_in_fewer_parts():
     assert np.all(np.abs(visible - np.maximum(pieces.curved_parts * np.sqrt(cos) + 0.5, pieces.flat_parts)) < 0.7)
     assert np.array_equal(visible[cos > 0.99], pieces.parts[cos > 0.99])
     assert (visible[cos < 0.1] < 0.5 * pieces.parts[cos < 0.1]).all()
-    beside = pieces.visible_parts([vertices], faces, np.array([3.0, 10.0, 0.0]))
-    assert not np.array_equal(beside, visible)
+    from_side = pieces.visible_parts([vertices], faces, np.array([3.0, 10.0, 0.0]))
+    assert not np.array_equal(from_side, visible)
     turned = vertices @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + np.array([0.0, -3, 0])
     both = pieces.visible_parts([vertices, turned], faces, np.zeros(3))
     assert np.array_equal(both, np.maximum(visible, pieces.visible_parts([turned], faces, np.zeros(3))))

@@ -1,4 +1,4 @@
-"""Surfaces that share one tolerance: errors relative to what all of them return."""
+"""Tolerance groups: errors relative to the return of all their surfaces."""
 
 from types import SimpleNamespace
 
@@ -9,16 +9,15 @@ from rfgen_sionna.tracing.gains.error_estimate import ErrorEstimate, combine_gro
 from rfgen_sionna.tracing.surface.surfaces import tolerance_groups
 
 
-def test_each_actor_is_a_lot_and_all_that_stays_is_one():
+def test_one_group_per_actor_and_one_for_static_surfaces():
     surfaces = [SimpleNamespace(still=still) for still in (False, True, True, False, True)]
     assert tolerance_groups(surfaces).tolist() == [0, 1, 1, 3, 1]
     assert tolerance_groups(surfaces[:1]).tolist() == [0]
     assert tolerance_groups([]).tolist() == []
 
 
-def test_a_faint_surface_is_held_to_what_its_lot_returns():
-    """Errors of 0.1 % of the stronger one each: side by side 0.14 % of what both return, and the faint one is not ten
-    times as wrong as it is strong. An actor beside them stays what it is."""
+def test_a_weak_surface_has_the_level_of_its_group():
+    """Each surface errs by 0.1 % of the stronger one: together by 0.14 % of the sum. An actor keeps its own error."""
     found = ErrorEstimate(
         amount=np.array([2e-3, 1e-3, 1e-3]),
         level=np.array([0.1, 1.0, 1e-4]),
