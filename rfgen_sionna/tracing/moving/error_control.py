@@ -185,13 +185,13 @@ class ErrorControl:
 
     def _weigh_terminator(self, visible: VisibleFacets) -> None:
         """Find the surfaces whose terminator counts, and the error of the others."""
-        rim = self._missed_at_terminator(visible)
-        self.terminator = rim > (FINE_TERMINATOR_PER_RTOL if self._fine else TERMINATOR_PER_RTOL) * self._rtol
+        missed = self._missed_at_terminator(visible)
+        self.terminator = missed > (FINE_TERMINATOR_PER_RTOL if self._fine else TERMINATOR_PER_RTOL) * self._rtol
         left = 0.0 if self._fine else UNCUT_SHARE
-        self._terminator_error = float((rim * np.where(self.terminator, left, 1.0)).max(initial=0.0))
+        self._terminator_error = float((missed * np.where(self.terminator, left, 1.0)).max(initial=0.0))
 
     def _refined(self, t: float, interval: TraceInterval, afresh: bool) -> tuple[Expansion, VisibleFacets]:
-        """Expansion and facets, and what is seen of these at `t`."""
+        """Expansion and facets for the tolerance at `t`, and the visibility of these."""
         facets: list[float] = []
         whole: list[float] = []
         self._last, vertices = 0.0, interval.positions(t)

@@ -326,7 +326,7 @@ class MovingVisibility:
                 possible_occluders |= within & (distance < far.max())
             placed = zip(self._silhouettes, there, towards, strict=True)
             silhouette_rays = [
-                silhouette.silhouette_rays(points, self._ray_spacing, looking) for silhouette, points, looking in placed
+                silhouette.silhouette_rays(points, self._ray_spacing, facing) for silhouette, points, facing in placed
             ]
             count = np.array([np.count_nonzero(possible_occluders), *(len(each) for _, each in silhouette_rays)])
             owner.append(np.repeat(np.arange(-1, len(silhouette_rays)), count))

@@ -50,8 +50,8 @@ class SlabTransmission:
     ) -> tuple[FloatArray, int]:
         """`occluder` (piece, 4) of :class:`rfgen_sionna.tracing.shadows.adaptive_sampling.SampledVisibility` with the
         transmission of the slabs that cast the shadows appended (piece, 12),
-        :attr:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.through` as real and imaginary parts in turn; and the
-        number of rays. `vertices` (vertex, 3) [m] are those of all surfaces."""
+        :attr:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.through` as real and imaginary parts in turn; and
+        the number of rays. `vertices` (vertex, 3) [m] are those of all surfaces."""
         edged = np.flatnonzero(occluder[:, 0] < 1.0)
         if not len(edged):
             return _appended(occluder, np.zeros((len(owner), _COLUMNS))), 0
