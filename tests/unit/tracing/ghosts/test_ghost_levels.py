@@ -1,4 +1,4 @@
-"""How strong ghosts are, before they are traced."""
+"""Estimated levels of ghosts."""
 
 import numpy as np
 import pytest
@@ -23,13 +23,13 @@ def known():
 
 
 def lengths():
-    """Of the straight way to the point, and of those by the walls."""
+    """Path lengths directly and by the walls."""
     straight = np.linalg.norm(POINT[0] - [0, 0, 1])
     return straight, {name: np.hypot(POINT[0, 0], 2 * y - POINT[0, 1]) for name, y in WALLS.items()}
 
 
 def test_levels_go_with_the_spreading_of_each_way(known):
-    """Of walls of metal, relative to the direct return; by two of them, and once, both ways round count."""
+    """Metal walls, relative to the direct return; two directions count for one mirror and for two."""
     straight, by = lengths()
     left, right = by["left"], by["right"]
     levels, across = ghost_levels(*known, POINT, 3)
@@ -42,7 +42,7 @@ def test_levels_go_with_the_spreading_of_each_way(known):
 
 @pytest.mark.parametrize(("beyond", "once", "twice", "both"), [(0.03, 2, 1, 1), (-0.03, 2, 1, 0), (-0.2, 2, 0, 0)])
 def test_beyond_the_range_window_there_are_none(known, monkeypatch, beyond, once, twice, both):
-    """Half of the whole way counts, by each wall, and by one there and the other back."""
+    """Half of the whole path length counts."""
     _, by = lengths()
     monkeypatch.setattr(Radar, "max_range", property(lambda _: float(np.mean(list(by.values()))) + beyond))
     levels, across = ghost_levels(*known, POINT, 3)
@@ -57,6 +57,6 @@ def test_two_bounces_are_by_one_wall_once(known):
     assert not across.any()
 
 
-def test_what_is_behind_a_wall_or_nowhere_has_none(known):
+def test_points_behind_a_wall_have_none(known):
     for points in (POINT + np.array([0, 2.0, 0]), np.zeros((0, 3))):
         assert not ghost_levels(*known, points, 3).across.any()

@@ -1,4 +1,4 @@
-"""RF adaptive sampling: the shares that many rays would find, with a fraction of them."""
+"""RF adaptive sampling: shares of uniform sampling with a fraction of its rays."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ WAVENUMBER = 2 * np.pi * 79e9 / SPEED_OF_LIGHT
 
 
 def facets_of(*meshes):
-    """Ray scene, and corners and numbers of all faces that look at the radar."""
+    """Ray scene, and corners and numbers of all faces that face the radar."""
     scene = RayScene([], [(np.asarray(m.vertices), np.asarray(m.faces)) for m in meshes], origin=VIEW)
     corners = np.concatenate([m.vertices[m.faces] for m in meshes])
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -31,13 +31,14 @@ def facets_of(*meshes):
 
 
 def sampled(scene, corners, number, rtol):
-    """What is found of facets, and all rays that it took."""
+    """Sampled visibility of facets, and the number of rays."""
     visible, guides = CornerVisibility(VIEW, corners, number, shared_vertices(corners)).visible(scene)
     found = sample_visibility(scene, VIEW, corners, number, visible, WAVENUMBER, rtol)
     return found._replace(rays=found.rays + guides)
 
 
 def uniform(scene, corners, number, n):
+    """Shares by n^2 rays to each facet."""
     rows = barycentric_lattice(n)
     of, places = np.repeat(np.arange(len(corners)), len(rows)), np.tile(rows, (len(corners), 1))
     visible = scene.targets(VIEW, corners, number).visible(of, places).reshape(len(corners), -1)
@@ -45,7 +46,7 @@ def uniform(scene, corners, number, n):
 
 
 def returned(corners, fraction):
-    """Sum of what facets return: solid angles with the phases of a few of their points."""
+    """Coherent sum of returns: solid angles with the phases of a few points."""
     points = np.einsum("wc,fci->fwi", barycentric_lattice(6), corners) - VIEW
     distance = np.linalg.norm(points, axis=2)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -74,8 +75,8 @@ def test_nothing_in_the_way_takes_one_ray_a_corner():
 
 
 @pytest.mark.parametrize("y", np.linspace(-0.4, 0.4, 5))
-def test_the_area_that_a_board_leaves_of_a_plate(y):
-    """A board's edge in the middle of the way covers what its shadow, twice as wide, falls on."""
+def test_the_area_that_a_board_shades_on_a_plate(y):
+    """The shadow of a board's edge half way to the plate moves twice as far."""
     plate = trimesh.creation.box((0.01, 1.0, 1.0)).subdivide().subdivide().subdivide().apply_translation((3, 0, 1))
     board = trimesh.creation.box((0.001, 2.0, 2.0)).apply_translation((1.4975, 1.0 + 0.5 * y, 1.0))
     scene, corners, number = facets_of(plate, board)
@@ -83,9 +84,9 @@ def test_the_area_that_a_board_leaves_of_a_plate(y):
     corners, number = corners[of_plate], number[of_plate]
     found = sampled(scene, corners, number, 1e-3)
     fraction = found.fraction
-    # The pieces that are seen of a facet are its share.
+    # Visible pieces add up to the share.
     size = np.linalg.det(found.pieces)
-    assert (size > 0).all()  # in the facet's own sense
+    assert (size > 0).all()  # orientation of the facet
     mixed = np.flatnonzero((fraction > 0) & (fraction < 1))
     assert np.allclose(np.bincount(found.owner, size, len(fraction))[mixed], fraction[mixed])
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -93,8 +94,8 @@ def test_the_area_that_a_board_leaves_of_a_plate(y):
 
 
 def pole_before_a_wall():
-    """Scene, corners and numbers of the wall's facets of 16 mm, their true shares, and rays past the pole's outline for
-    each spacing of these."""
+    """Scene, corners, numbers and true shares of the wall's facets of 16 mm, and rays past the pole for each
+    spacing."""
     wall = trimesh.creation.box((0.01, 1.0, 1.0))
     for _ in range(6):
         wall = wall.subdivide()
@@ -114,8 +115,8 @@ def pole_before_a_wall():
     return scene, corners, number, uniform(scene, corners, number, 24), past
 
 
-def test_a_pole_s_shadow_is_found_on_facets_that_are_lit_at_all_corners():
-    """By rays past its outline where they are close enough together, and where there are none by searching."""
+def test_the_shadow_of_a_pole_is_found_on_facets_with_visible_corners():
+    """By silhouette rays that are dense enough, and without them by searching."""
     scene, corners, number, truth, past = pole_before_a_wall()
     guided, _ = CornerVisibility(VIEW, corners, number, shared_vertices(corners)).visible(scene)
     crossed = (truth > 0.02) & (truth < 0.98)
@@ -131,21 +132,21 @@ def test_a_pole_s_shadow_is_found_on_facets_that_are_lit_at_all_corners():
     blind, searched, known = found(), found(search=True), found(silhouette=past(STATIC_RAY_SPACING))
     assert (blind.fraction[unaware] == 1).all()
     for each in (searched, known):
-        assert np.abs(each.fraction - truth).max() < 0.02  # 576 points tell an edge to a twenty-fourth
+        assert np.abs(each.fraction - truth).max() < 0.02  # 576 points resolve an edge to a twenty-fourth
     assert np.linalg.norm(searched.missed) < 0.5e-3 * np.linalg.norm(searched.returned)
-    # What a search finds, a coarser look does not lose again.
+    # Coarser sampling keeps the edges of a search.
     _, cut, _ = max_returns(corners - VIEW, WAVENUMBER)
     for rtol in (0.03, 0.06, 0.1):
         rough = sample_visibility(scene, VIEW, corners, number, guided, WAVENUMBER, rtol, search=True)
         wrong = np.linalg.norm((cut * np.abs(rough.fraction - truth))[unaware])
         assert wrong < np.linalg.norm(rough.missed)
-    # It goes to where it matters: of a coarse tolerance to fewer facets.
+    # A coarse tolerance samples fewer facets.
     loose = sample_visibility(scene, VIEW, corners, number, guided, WAVENUMBER, 0.3, search=True)
     assert loose.rays < 0.5 * searched.rays
 
 
-def test_a_facet_that_is_hidden_though_its_corners_are_not_is_found_dark():
-    """A plate whose shadow is just one facet: guiding rays, which neighbours share, go by it."""
+def test_an_occluded_facet_with_visible_corners_is_found():
+    """The plate's shadow is one facet; shared guiding rays pass it."""
     wall = trimesh.creation.box((0.01, 1.0, 1.0))
     for _ in range(4):
         wall = wall.subdivide()
@@ -165,9 +166,9 @@ def test_a_facet_that_is_hidden_though_its_corners_are_not_is_found_dark():
     assert found.fraction.mean() > 0.99
 
 
-def test_a_fifth_of_the_rays_find_what_uniform_ones_find():
-    """A knot that hides parts of itself, of a centimetre's facets: 16 rays to each against those that adapt."""
-    # A torus that turns its rim to the radar, and a ball before it.
+def test_a_fifth_of_the_rays_finds_the_same_shares():
+    """Self-occluding knot with facets of a centimetre: adaptive rays against 16 to each facet."""
+    # A torus seen edge-on, and a ball before it.
     ring = trimesh.creation.torus(0.4, 0.1, major_sections=192, minor_sections=64)
     ring.apply_transform(trimesh.transformations.rotation_matrix(1.2, (0, 1, 0.3))).apply_translation((3, 0, 1))
     ball = trimesh.creation.icosphere(subdivisions=5, radius=0.15).apply_translation((2.6, 0.2, 1.1))
@@ -183,9 +184,9 @@ def test_a_fifth_of_the_rays_find_what_uniform_ones_find():
     assert abs(returned(corners, fraction) - exact) < abs(evenly - exact) + 1e-3 * abs(exact)
 
 
-def test_where_static_things_hide_is_known_without_asking_them_again():
-    """Points that a board hides, a ball that moves, or both: asked of what moves alone and of the board alone, the same
-    are seen as of all together."""
+def test_static_occlusion_is_not_tested_again():
+    """Points behind a board, a moving ball or both: separate tests of static and moving occluders agree with a joint
+    one."""
     board = trimesh.creation.box((0.5, 0.02, 0.5), trimesh.transformations.translation_matrix((0.2, 1.0, 1.0)))
     wall = trimesh.creation.box((3.0, 0.02, 3.0), trimesh.transformations.translation_matrix((0.0, 3.0, 1.0)))
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.2)
@@ -203,8 +204,8 @@ def test_where_static_things_hide_is_known_without_asking_them_again():
     assert np.array_equal(visible, ~by_ball & ~by_board)
 
 
-def test_what_facets_may_return_falls_with_how_their_corners_turn():
-    """Against the same in NumPy; of fewer facets after more, and of none."""
+def test_bounds_on_returns_fall_with_the_phase_range():
+    """Against NumPy; for fewer facets after more, and for none."""
     rng = np.random.default_rng(5)
     corners = 4.0 * rng.normal(size=(3000, 1, 3)) + rng.normal(size=(3000, 3, 3)) * rng.uniform(1e-3, 1, (3000, 1, 1))
     away = np.linalg.norm(corners, axis=2)
@@ -215,7 +216,7 @@ def test_what_facets_may_return_falls_with_how_their_corners_turn():
         assert np.allclose(most, (angle / (1 + turn**2))[:count], rtol=1e-6)
         assert np.allclose(cut, (angle / (1 + turn))[:count], rtol=1e-6)
         assert np.allclose(width, 2 * turn[:count])
-    # By another way back the phase is that of both together: on the bisector of both ends it does not turn.
+    # With another return leg the phases add up; on the bisector they are constant.
     other = corners * [1.0, -1.0, 1.0] + [0.0, 2.0, 0.0]
     ways = 0.5 * (away + np.linalg.norm(other, axis=2))
     apart = np.abs(np.linalg.det(other)) / np.linalg.norm(other, axis=2).min(axis=1) ** 3
@@ -224,9 +225,8 @@ def test_what_facets_may_return_falls_with_how_their_corners_turn():
     assert np.allclose(most, np.sqrt(angle * apart) / (1 + (0.5 * width) ** 2), rtol=1e-6)
 
 
-def test_a_narrow_facet_is_looked_at_for_what_elements_see_beside_its_edge():
-    """Of a wall with a facet 0.2 mm wide along its rim, that a plate hides in part: next to nothing itself, it has a
-    strip beside the shadow's edge that is as wide as elements are apart, unless they are where the viewpoint is."""
+def test_a_narrow_facet_is_sampled_for_the_correction_beside_its_edge():
+    """Facet 0.2 mm wide at a wall's border behind a plate: its boundary correction is as wide as the array."""
     rows = [(5.0, y, z) for y in (0.0, 0.3, 0.3002) for z in (0.9, 0.93)]
     wall = trimesh.Trimesh(rows, [(0, 1, 2), (2, 1, 3), (2, 3, 4), (4, 3, 5)], process=False)
     plate = trimesh.creation.box((0.01, 0.4, 0.4), trimesh.transformations.translation_matrix((2.5, 0.05, 0.7571)))
@@ -246,4 +246,4 @@ def test_a_narrow_facet_is_looked_at_for_what_elements_see_beside_its_edge():
     for more in little:
         sampled, of_itself = sampled_facets(**more)
         assert not sampled.any()
-        assert of_itself < missed  # of the facet alone, which is next to nothing
+        assert of_itself < missed  # of the facet alone, which is negligible

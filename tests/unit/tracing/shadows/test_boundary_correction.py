@@ -1,4 +1,4 @@
-"""Strips between the shadow's edge of the phase centre and those of single elements."""
+"""Corrections between the shadow boundary of the phase centre and those of elements."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def facet(corners):
 
 
 def edges(corners, start, stop, occluder):
-    """The edge from one barycentric place to another on a facet that is lit to the left of it."""
+    """Edge between two barycentric points, with the visible side on its left."""
     piece = np.stack([np.full(3, 1 / 3), start, stop])[None]
     return ShadowEdges.of(
         facet(corners),
@@ -31,8 +31,8 @@ def edges(corners, start, stop, occluder):
 
 
 @pytest.mark.parametrize("occluder", [0.3, 0.5, 0.8])
-def test_an_edge_moves_as_rays_past_what_casts_it_do(occluder):
-    """Against the place where the line from each element by way of that meets the facet."""
+def test_an_edge_shifts_as_rays_past_its_occluder(occluder):
+    """Against the line from each element through the occluder."""
     corners = np.array([[2.0, -0.2, -0.3], [2.2, 0.3, -0.2], [2.1, 0.0, 0.3]])
     found = edges(corners, np.array([0.5, 0.3, 0.2]), np.array([0.2, 0.3, 0.5]), occluder)
     elements = np.random.default_rng(0).normal(size=(20, 3)) * [0.002, 0.02, 0.02]
@@ -45,9 +45,8 @@ def test_an_edge_moves_as_rays_past_what_casts_it_do(occluder):
         assert np.allclose(found.shifts(elements)[:, k], (there - middle) @ found.inward[k], atol=1e-12)
 
 
-def test_strips_are_the_integral_of_the_phase_over_them():
-    """Against points on the facet, for each pair: between the centre's edge and the one of Tx and Rx that leaves
-    less."""
+def test_corrections_are_integrals_of_the_phase():
+    """Against points on the facet, between the centre's boundary and that of Tx and Rx which leaves less."""
     corners = np.array([[2.0, -0.2, -0.3], [2.05, 0.3, -0.2], [2.1, 0.0, 0.3]])
     found = edges(corners, np.array([0.4, 0.35, 0.25]), np.array([0.36, 0.33, 0.31]), 0.5)
     tx, rx = (np.random.default_rng(k).normal(size=(n, 3)) * [0.0, 0.02, 0.02] for k, n in ((1, 3), (2, 4)))
@@ -69,8 +68,8 @@ def test_strips_are_the_integral_of_the_phase_over_them():
     assert np.abs(found.shifts(tx)).max() * WAVENUMBER > 3  # the phase turns across them
 
 
-def test_gains_beside_an_edge_go_by_the_point_of_reference_over_the_band():
-    """From the middle of each edge, by way of which they are given, to points that delays go by."""
+def test_corrections_refer_to_their_reference_points_over_the_band():
+    """From the middle of each edge to the reference point of the delay."""
     corners = np.array([[2.0, -0.2, -0.3], [2.05, 0.3, -0.2], [2.1, 0.0, 0.3]])
     found = edges(corners, np.array([0.4, 0.35, 0.25]), np.array([0.36, 0.33, 0.31]), 0.5)
     rng = np.random.default_rng(3)
@@ -90,7 +89,7 @@ def test_gains_beside_an_edge_go_by_the_point_of_reference_over_the_band():
     assert np.allclose(carried[0], plain * gains[0] * np.exp(-2j * np.pi * CENTRE * way), atol=1e-9)
 
 
-def test_an_edge_that_grows_counts_little_by_little():
+def test_the_weight_of_a_growing_edge_is_continuous():
     corners = np.array([[2.0, -0.2, -0.3], [2.05, 0.3, -0.2], [2.1, 0.0, 0.3]])
     found = edges(corners, np.array([0.4, 0.35, 0.25]), np.array([0.36, 0.33, 0.31]), 0.5)
     count, weights = len(found.owner), []
@@ -111,8 +110,8 @@ def test_an_edge_that_grows_counts_little_by_little():
     assert weights[-1] == 1.0
 
 
-def test_strips_wider_than_anybody_knows_the_surface_are_left_out():
-    """What casts the shadow at 6 cm shifts the edge at 2 m by 30 times what elements are apart."""
+def test_corrections_wider_than_the_known_surface_are_left_out():
+    """An occluder at 6 cm shifts the edge at 2 m by 30 times the distance of elements."""
     corners = np.array([[2.0, -0.2, -0.3], [2.05, 0.3, -0.2], [2.1, 0.0, 0.3]])
     elements = np.array([[0.0, 0.01, 0.0], [0.0, -0.01, 0.0]])
     known = []
@@ -123,7 +122,7 @@ def test_strips_wider_than_anybody_knows_the_surface_are_left_out():
         group, level = np.zeros(len(at_most), np.intp), np.array([np.linalg.norm(at_most)])
         own, missed = found.significant(at_most, at_most, share, group > 0, group, level, 1e-2)
         assert (len(own.owner) == 0) == (share[0] == 0)
-        # A facet's own strips are off by half a percent, and of those that nobody knows all is missed.
+        # Known corrections err by half a percent, unknown ones are missed.
         assert missed[0] == pytest.approx(np.hypot(1.0 - share[0], 0.005), rel=0.1)
     assert known[0] == 1.0
     assert known[-1] == 0.0

@@ -1,4 +1,4 @@
-"""Rays past outlines: where they pass, and what they find that corners of facets do not tell."""
+"""Silhouette rays: their course, and shadows that facets' corners do not detect."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ WAVENUMBER = 2 * np.pi * 79e9 / SPEED_OF_LIGHT
 
 
 def test_rays_pass_a_ball_all_around_just_outside():
-    """Of an icosphere: the points are off the line to the middle by the radius, less the sag of its faces."""
+    """Icosphere: the distance to the centre is the radius less the faces' sagitta."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.2).apply_translation((2, 0.3, -0.2))
     points, span = MeshSilhouette(np.asarray(ball.faces)).silhouette_rays(np.asarray(ball.vertices))
     towards = np.array([2, 0.3, -0.2]) / np.linalg.norm([2, 0.3, -0.2])
@@ -36,7 +36,7 @@ def test_rays_pass_a_ball_all_around_just_outside():
     assert (scene.first_facet(np.zeros(3), within) >= 0).mean() > 0.95
 
 
-def test_an_open_sheet_has_its_rim_for_an_outline():
+def test_the_silhouette_of_an_open_sheet_is_its_border():
     plate = trimesh.Trimesh([[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]], [[0, 1, 2], [0, 2, 3]])
     points, span = MeshSilhouette(np.asarray(plate.faces)).silhouette_rays(np.asarray(plate.vertices))
     assert len(points) == pytest.approx(span.sum() / RAY_SPACING, abs=4)
@@ -46,8 +46,8 @@ def test_an_open_sheet_has_its_rim_for_an_outline():
 
 
 @pytest.mark.parametrize("halvings", [1, 5])
-def test_the_piece_that_a_ray_falls_on_is_told_from_its_neighbours(halvings):
-    """Of four, and of a thousand."""
+def test_the_piece_that_a_ray_hits_is_found(halvings):
+    """Among four, and among a thousand."""
     whole = np.array([[[1, 0, 0], [1, 1, 0], [1, 0, 1.0]]])
     points, faces = np.eye(3), np.arange(3)[None]
     for _ in range(halvings):
@@ -62,8 +62,8 @@ def test_the_piece_that_a_ray_falls_on_is_told_from_its_neighbours(halvings):
 
 
 @pytest.mark.parametrize("gap", [0.03, 0.06])
-def test_light_through_a_slit_is_found_between_corners_in_the_dark(gap):
-    """Two boards leave a slit; its strip on the plate behind, twice as wide, covers no corner of a facet."""
+def test_light_through_a_slit_is_found_between_occluded_corners(gap):
+    """Slit between two boards: its light on the plate, twice as wide, covers no corner of a facet."""
     plate = trimesh.creation.box((0.01, 1.0, 1.0)).apply_translation((3, 0, 0))
     slit = [
         trimesh.creation.box((0.001, 2.0, 1.0)).apply_translation((1.4975, 0, 0.05 + side * (0.5 + gap / 2)))
@@ -95,8 +95,8 @@ def test_directions_have_length_one_whatever_the_shape():
     assert not unit(np.zeros((2, 3))).any()
 
 
-def test_no_shadow_falls_on_what_is_before_an_outline():
-    """A ray by an outline tells of what is behind it, or touches it, on whichever side facets look."""
+def test_no_shadow_falls_before_a_silhouette():
+    """A ray past a silhouette hits facets behind it or touches it, whichever side they show."""
     triangle = np.array([[0.0, -1, -1], [0.0, 1, -1], [0.0, 0, 2]])
     corners = np.stack([triangle + np.array([distance, 0, 0]) for distance in (1.0, 2.0, 2.5)])
     corners[1] = corners[1, ::-1]
@@ -110,15 +110,15 @@ def test_no_shadow_falls_on_what_is_before_an_outline():
 
 
 def on(corners, ray):
-    """Whether a ray falls on a facet, by the sides of its edges that it passes on."""
+    """Whether a ray hits a facet, by the sides of its edges."""
     sides = [np.linalg.det(np.stack([ray, corners[k], corners[(k + 1) % 3]])) for k in range(3)]
     return min(sides) >= 0 or max(sides) <= 0
 
 
-def test_rays_fall_on_the_facets_that_they_go_through():
+def test_rays_hit_the_facets_that_they_cross():
     rng = np.random.default_rng(3)
     corners = np.array([3.0, 0, 0]) + rng.normal(size=(60, 3, 3))
-    number = np.sort(rng.integers(0, 5, 60))  # up to 32 pieces of each face are all tried
+    number = np.sort(rng.integers(0, 5, 60))  # up to 32 pieces of each face are all tested
     rays, hit = np.array([3.0, 0, 0]) + rng.normal(size=(200, 3)), rng.integers(-1, 6, 200)
     for count in (200, 1, 0, 150):
         held = FacetLocator(corners, number).silhouette_lengths(
@@ -130,8 +130,8 @@ def test_rays_fall_on_the_facets_that_they_go_through():
         assert np.array_equal(held, expected)
 
 
-def test_a_ray_on_an_edge_that_two_facets_share_falls_on_one_of_them():
-    """On neither a shadow would be lost, on both it would count twice: whatever rounding says of the edge's middle."""
+def test_a_ray_on_a_shared_edge_hits_one_of_two_facets():
+    """On neither a shadow would be lost, on both it would count twice."""
     rng = np.random.default_rng(2)
     square = np.array([[3, -1, -1], [3, 1, 1], [3, 1, -1], [3, -1, 1.0]])
     corners, rays = [], []

@@ -1,4 +1,4 @@
-"""Lit parts of facets: the areas that shadows with straight and round edges leave, in pieces that do not overlap."""
+"""Visible polygons: areas left by straight and round shadow boundaries, in disjoint pieces."""
 
 import numpy as np
 import pytest
@@ -29,15 +29,15 @@ class Light:
 
 
 def share_of(values, level, width=0.0):
-    """What is found where a linear function with these `values` at the corners is above zero, all in one facet."""
+    """Visible polygons of one facet where a linear function with corner `values` is positive."""
     return find_visible_polygons(
         Light(lambda _, place: place @ np.asarray(values) > 0), np.array([level]), np.array([width])
     )
 
 
 @given(st.tuples(value, value, value), st.integers(0, 2), st.booleans(), st.integers(0, 5))
-def test_a_straight_edge_leaves_what_geometry_says(sizes, odd, unoccluded, level):
-    """Of a triangle whose corner i alone is on one side: f_i^2 / ((f_i - f_j) (f_i - f_k)) of the area."""
+def test_a_straight_boundary_leaves_its_geometric_share(sizes, odd, unoccluded, level):
+    """Triangle with corner i alone on one side: f_i^2 / ((f_i - f_j) (f_i - f_k)) of the area."""
     f = -np.array(sizes)
     f[odd] *= -1
     corner = f[odd] ** 2 / np.prod([f[odd] - f[(odd + k) % 3] for k in (1, 2)])
@@ -51,26 +51,26 @@ def test_a_straight_edge_leaves_what_geometry_says(sizes, odd, unoccluded, level
 
 
 @pytest.mark.parametrize("level", [0, 3, 5])
-def test_where_many_wavelengths_lie_along_a_facet_its_edge_is_found_more_sharply(level):
-    """To less than a tenth of a radian, with no more rays than that takes."""
+def test_boundaries_of_facets_of_many_wavelengths_are_found_more_sharply(level):
+    """To less than a tenth of a radian, with no more rays than needed."""
     rng = np.random.default_rng(1)
     for width in (0.1, 10.0, 100.0):
         errors, rays = [], []
         for first in rng.uniform(0.2, 0.8, 40).tolist():
             found = share_of((-first, 1.0 - first, 1.0 - first), level, width)
-            # One side of the shadow's edge is parallel to a side of the facet.
+            # The shadow boundary is parallel to a side of the facet.
             errors.append(width * (np.sqrt(1.0 - found.fraction[0]) - first))
             rays.append(found.rays)
         plain = share_of((-0.5, 0.51, 0.49), level, 0.0).rays
-        # A twentieth of a radian is asked for, and eight halvings leave 1 / 256 / sqrt(12) of a cell.
+        # Tolerance is a twentieth of a radian; eight bisections leave 1 / 256 / sqrt(12) of a cell.
         assert np.sqrt(np.mean(np.square(errors))) < max(0.08, 0.002 * width / SPACINGS[level])
         if width / SPACINGS[level] < 1.0:
             assert max(rays) <= 2 * plain
 
 
 @given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)), min_size=2, max_size=8), st.data())
-def test_facets_of_all_levels_are_told_apart(values, data):
-    """Many at once are what they are one by one, and pieces lie where it is light."""
+def test_facets_of_all_levels_are_independent(values, data):
+    """A batch agrees with single facets, and pieces lie in the visible part."""
     levels = np.array([data.draw(st.integers(0, 5)) for _ in values])
     table = np.array(values)
     found = find_visible_polygons(
@@ -85,7 +85,7 @@ def test_facets_of_all_levels_are_told_apart(values, data):
         assert (inside > -np.ptp(row) / 16 / SPACINGS[level]).all()
 
 
-def test_what_a_round_shadow_leaves_is_known_to_the_square_of_the_spacing():
+def test_round_shadows_converge_with_the_square_of_the_spacing():
     rng = np.random.default_rng(0)
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.3, 0.9]])
     fine = barycentric_lattice(400) @ corners
@@ -104,25 +104,25 @@ def test_what_a_round_shadow_leaves_is_known_to_the_square_of_the_spacing():
     assert (rms[1:] < 0.35 / np.array(SPACINGS[1:]) ** 2).all()
 
 
-def test_cells_in_the_light_are_joined():
-    """A shadow that cuts a corner off leaves few pieces, not a thousand cells."""
+def test_visible_cells_are_joined():
+    """A shadow on a corner leaves few pieces, not a thousand cells."""
     found = share_of((-0.01, 1.0, 1.0), 5)
     assert len(found.pieces) < 60
     assert found.rays < 700
 
 
 @given(st.tuples(value, value, value), st.integers(0, 2), st.booleans(), st.integers(0, 5))
-def test_what_one_straight_edge_leaves_is_a_triangle_or_two(sizes, odd, unoccluded, level):
+def test_one_straight_boundary_leaves_one_or_two_triangles(sizes, odd, unoccluded, level):
     f = -np.array(sizes)
     f[odd] *= -1
     found = share_of(f if unoccluded else -f, level)
-    # Near a corner the edge may pass between it and the next points: then all that is looked at is on one side.
+    # Near a corner the boundary may pass between it and the next points.
     assert len(found.pieces) in ((0, 1) if unoccluded else (0, 2)) or found.fraction[0] in (0.0, 1.0)
 
 
 @pytest.mark.parametrize("level", [3, 4, 5])
-def test_edges_that_are_not_one_straight_line_are_followed(level):
-    """A slit of light, a bend in the edge and an island of shadow: areas that one line would miss by far."""
+def test_boundaries_other_than_one_straight_line_are_followed(level):
+    """Slit, corner and island of shadow: their areas differ much from those of one line."""
     cells = SPACINGS[level]
     shapes = {
         "slit": (lambda p: np.abs(p[:, 0] - 0.4) < 0.15, 0.75**2 - 0.45**2),
@@ -136,16 +136,15 @@ def test_edges_that_are_not_one_straight_line_are_followed(level):
             )
             assert found.fraction[0] == pytest.approx(area if light else 1 - area, abs=0.3 / cells), name
             assert len(found.pieces) > 2, name
-            # Points that are seen lie on one piece, all others on none: but for a few beside edges.
+            # Visible points lie in one piece, others in none, but for a few beside edges.
             points = np.random.default_rng(0).dirichlet(np.ones(3), 2000)
             on = (np.einsum("nj,pjk->pnk", points, np.linalg.inv(found.pieces)) >= 0).all(axis=2).sum(axis=0)
             assert (on != (shape(points) == light)).mean() < 0.6 / cells, name
 
 
 @pytest.mark.parametrize("level", [2, 3, 4, 5])
-def test_an_edge_that_hardly_bends_is_one_line_with_the_same_area(level):
-    """An edge that bows by a third of what counts as straight, everywhere to the same side, on 300 facets: a chord
-    would leave two thirds of it out; the line that is taken errs as cells do, by what crossings are known to."""
+def test_a_nearly_straight_boundary_is_one_line_with_the_same_area(level):
+    """Boundary with a third of the largest sagitta, on 300 facets: a chord would leave two thirds of it out."""
     cells, rng = SPACINGS[level], np.random.default_rng(level)
     begin = rng.uniform(0.2, 0.7, 300)
     edge_curvature = 0.3 * 0.1 / cells**2
@@ -165,7 +164,7 @@ def test_an_edge_that_hardly_bends_is_one_line_with_the_same_area(level):
     assert abs((found.fraction - expected).mean()) < edge_curvature / 3 + 5e-4
 
 
-def test_an_edge_that_bends_is_no_line():
+def test_a_curved_boundary_is_no_line():
     found = find_visible_polygons(
         Light(lambda _, p: p[:, 0] > 0.4 + 0.1 * (1 - (p[:, 1] - p[:, 2]) ** 2)), np.array([4]), np.zeros(1)
     )
@@ -173,8 +172,8 @@ def test_an_edge_that_bends_is_no_line():
 
 
 @given(st.tuples(value, value, value), st.integers(0, 5))
-def test_pieces_tell_which_of_their_sides_is_the_shadow_s_edge(values, level):
-    """The side from the second to the third corner, along which the light is zero, with the lit part to its left."""
+def test_pieces_mark_the_side_on_the_boundary(values, level):
+    """From the second to the third corner, with the visible part on the left."""
     found = share_of(values, level)
     edged = np.flatnonzero(~np.isnan(found.occluder[:, 0]))
     assert np.isnan(found.occluder).any(axis=1).sum() == len(found.occluder) - len(edged)
@@ -198,9 +197,8 @@ def test_pieces_tell_which_of_their_sides_is_the_shadow_s_edge(values, level):
 
 
 @given(st.tuples(value, value, value), st.integers(0, 2), st.booleans(), st.integers(0, 5))
-def test_straight_edges_end_on_the_facet_s_sides(sizes, odd, unoccluded, level):
-    """Rays go by a little within the facet; what is lit is cut off by its sides all the same, and not by where these
-    went: a sliver along them is an edge of its own, and where all else cancels it told."""
+def test_straight_boundaries_end_on_the_facet_s_sides(sizes, odd, unoccluded, level):
+    """Rays are inset, but visible parts extend to the facet's sides: slivers would count as edges."""
     f = -np.array(sizes)
     f[odd] *= -1
     found = share_of(f if unoccluded else -f, level)
@@ -212,8 +210,7 @@ def test_straight_edges_end_on_the_facet_s_sides(sizes, odd, unoccluded, level):
 
 @pytest.mark.parametrize("occluded", [False, True])
 def test_corners_of_shadows_are_corners(occluded):
-    """Where two straight edges meet within a facet, mostly that is found as well as each of them is: lines across the
-    corner's cell left out twelve times as much in the median. Tips that reach further between points are cut off."""
+    """Two straight boundaries that meet in a facet: mostly as accurate as each of them alone."""
     rng = np.random.default_rng(2)
     level, errors = 3, []
     fine = barycentric_lattice(600)

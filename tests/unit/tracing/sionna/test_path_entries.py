@@ -1,11 +1,11 @@
-"""Which entries of different element pairs are one path."""
+"""Matching of paths between element pairs."""
 
 import numpy as np
 
 from rfgen_sionna.tracing.sionna.path_entries import match_paths
 
 
-def test_a_path_is_followed_by_what_it_meets_and_where():
+def test_paths_match_by_interactions_and_points():
     # Pair 0 has paths A and B off one surface, pair 1 has them in the other order and C off another surface.
     pair = np.array([0, 0, 1, 1, 1])
     signature = np.array([[1, 7], [1, 7], [1, 7], [1, 7], [1, 8]])
@@ -16,7 +16,7 @@ def test_a_path_is_followed_by_what_it_meets_and_where():
 
 
 def test_in_one_element_pair_no_two_paths_are_the_same():
-    """The nearer of two takes the place, and what is out of reach is a path of its own."""
+    """The nearer of two matches; a point out of reach belongs to a new path."""
     pair = np.array([1, 0, 0, 2])
     vertices = np.array([[0.0, 0, 0], [0.02, 0, 0], [0.01, 0, 0], [0.2, 0, 0]])[:, None]
     number, first = match_paths(pair, np.ones((4, 1), np.int64), vertices, reach=0.1)
