@@ -36,13 +36,13 @@ SLOPE_LIMIT = 0.2
 PROBE_FACETS, MIN_PROBE_FACETS = 20_000, 4_000
 """Strongest facets that decide on an expansion, and the least number per tolerance group."""
 MONOSTATIC = 0.5
-"""(baseline / distance)^2 over the tolerance, below which obliquity is monostatic: error a quarter of the square."""
+"""(baseline / distance)^2 per tolerance, below which obliquity is monostatic: error a quarter of it."""
 WIDE_ARRAY = 0.1
 """Reach of an array over the distance of a facet, from which each pair has its own diffuse return: error 0.2 dB."""
 MAX_CORRECTION_LANES = 4_000_000
 """Gains of shadow-boundary corrections per kernel call: bounds the memory."""
 STEADY_FACTOR = 2.0
-"""(band / frequency)^2 over the tolerance, below which reflection may be linear over the band: error 0.1 to 0.2."""
+"""(band / frequency)^2 per tolerance, below which reflection may be linear over the band: error 0.1 to 0.2 of it."""
 _LOG = logging.getLogger(__name__)
 
 

@@ -96,7 +96,7 @@ class GainBuffer:
     def __init__(self, count: int) -> None:
         self.count = count
         self.index: NDArray[np.intp] | None = None
-        """(facet,) places of those that come next; None is all."""
+        """(facet,) entries that the next part fills; None means all."""
         self.found: Any = None
         self.tau: Any = None
 

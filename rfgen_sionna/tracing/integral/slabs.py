@@ -1,12 +1,12 @@
 """Transmission through slabs, in the kernel.
 
-A surface of a material with a thickness is a slab without extent. A wave crosses it straight, times (ITU-R P.2040, eq.
-43)
+A surface of a material with a thickness is a slab without extent. A wave crosses it straight, times
+(ITU-R P.2040, eq. 43)
 
     T = (1 - r^2) exp(-j q) / (1 - r^2 exp(-2 j q)),   q = k d sqrt(eps mu - sin^2)
 
-with Fresnel's r of one face, per polarisation. The path keeps its length. The delay of the bulk, d sqrt(Re eps mu -
-sin^2) / c at the middle of the band, is part of the delay; the rest of the phase is the gain's.
+with Fresnel's r of one face, per polarisation. The path keeps its length. The delay of the bulk,
+d sqrt(Re eps mu - sin^2) / c at the middle of the band, is part of the delay; the rest of the phase is the gain's.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Positions of facets at several times, the side they show to the radar, and estimates of their returns.
+"""Positions of facets at several times, whether they face the radar, and estimates of their returns.
 
-Estimates take `corners` as nine arrays (axis, corner) seen from the radar: (axis, corner, facet) of NumPy or Dr.Jit's.
+Estimates take `corners` relative to the radar, axis by axis and corner by corner: an array (axis, corner, facet) [m],
+or nine arrays of Dr.Jit.
 """
 
 from __future__ import annotations
