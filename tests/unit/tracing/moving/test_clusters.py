@@ -22,7 +22,7 @@ RTOL = 1e-2
 
 
 def uneven(radius=0.15):
-    """A ball whose faces are a tenth as wide on one side, which the radar sees in part, as on the other."""
+    """A ball with faces ten times smaller on one side, which is partly visible."""
     mesh = trimesh.creation.icosphere(subdivisions=5)
     vertices = np.asarray(mesh.vertices) + 0.85 * np.array([-0.6, 0.64, 0.48])
     vertices *= radius / np.linalg.norm(vertices, axis=1)[:, None]
@@ -39,7 +39,7 @@ def lead(vertices, faces, parts=None, most=1.0):
     return cluster_heads(vertices, faces, parts, np.arange(len(faces)), most, RTOL)
 
 
-def test_patches_hang_together_and_are_small(ball):
+def test_clusters_are_connected_and_small(ball):
     vertices, faces = ball
     cluster_head = lead(vertices, faces, most=0.02)
     width = 0.02
@@ -57,7 +57,7 @@ def test_patches_hang_together_and_are_small(ball):
     assert connected_components(links, directed=False)[0] == len(np.unique(cluster_head))
 
 
-def test_patches_stay_within_a_part_of_the_body(ball):
+def test_clusters_stay_within_a_body_part(ball):
     vertices, faces = ball
     parts = (vertices[faces].mean(axis=1)[:, 1] > 0).astype(np.int32)
     cluster_head = lead(vertices, faces, parts)
@@ -65,14 +65,14 @@ def test_patches_stay_within_a_part_of_the_body(ball):
     assert len(np.unique(cluster_head)) > len(np.unique(lead(vertices, faces)))
 
 
-def test_patches_are_those_of_the_mesh_wherever_it_is(ball):
-    """Turned, and 10 km away: but for centres within a nanometre of a cell's side."""
+def test_clusters_do_not_depend_on_the_pose(ball):
+    """Rotated and 10 km away, except for centres within a nanometre of a cell boundary."""
     vertices, faces = ball
     moved = vertices @ rotation_matrix((0.3, -0.8, 1.9)).T + [1e4, -3e3, 20.0]
     assert np.mean(lead(vertices, faces) != lead(moved, faces)) < 0.01
 
 
-def test_faces_alike_stay_alone():
+def test_equal_faces_stay_alone():
     sphere = trimesh.creation.icosphere(subdivisions=4, radius=0.2)
     faces = np.asarray(sphere.faces, np.int32)
     assert (lead(np.asarray(sphere.vertices), faces) == np.arange(len(faces))).all()
@@ -80,8 +80,8 @@ def test_faces_alike_stay_alone():
             == np.arange(len(faces))).all()  # fmt: skip
 
 
-def test_width_for_the_radar():
-    """A wider band, a wider array, a nearer mesh or less tolerance: narrower patches."""
+def test_largest_width():
+    """A wider band or array, a nearer mesh or a smaller tolerance narrows the clusters."""
     reference_level = max_cluster_width(77e9, 1.8e9, 8e-3, 3.0, RTOL)
     assert 5e-3 < reference_level < 20e-3
     assert max_cluster_width(77e9, 3.6e9, 8e-3, 3.0, RTOL) == pytest.approx(0.5 * reference_level)
@@ -101,7 +101,7 @@ def test_width_for_the_radar():
         ("position2go", None, 1e-2, 2.0),
     ],
 )
-def test_they_return_what_their_facets_do(ball, name, preset, rtol, turns, monkeypatch):
+def test_clusters_return_the_sum_of_their_facets(ball, name, preset, rtol, turns, monkeypatch):
     """Balls at 3 m/s with so many turns a second: samples of a frame are those with a path for every facet, to four
     tenths of the tolerance: 0.2 for the expansion (SLOPED), 0.3 for the spline in time (PATCHED_PER_RTOL)."""
     radar = Radar.load(name, preset) if preset else Radar.load(name)
@@ -125,7 +125,7 @@ def samples_of(radar, actor, rtol):
 
 @pytest.mark.parametrize("scattering", [0.6, 1.0])
 def test_facets_of_rough_surfaces_stay_alone(ball, scattering, monkeypatch):
-    """Each returns with a phase of its own, which no other one's path can have over the band."""
+    """Each facet has a phase of its own over the band."""
     radar = Radar.load("awr1843", "mmmesh")
     radar = replace(radar, waveform=replace(radar.waveform, num_loops=8))
     material = replace(MATERIALS["skin"], name="rough", scattering_coefficient=scattering)
@@ -136,8 +136,8 @@ def test_facets_of_rough_surfaces_stay_alone(ball, scattering, monkeypatch):
     assert np.array_equal(samples_of(radar, actor, RTOL)[1], found)
 
 
-def test_at_an_instant_each_facet_has_its_own_doppler(ball):
-    """There is but a rate to go on by: that of a facet two centimetres further on a body that spins is another one."""
+def test_at_a_single_time_each_facet_has_its_own_doppler(ball):
+    """A path at a single time has one delay rate, which differs between facets two centimetres apart on a spinning body."""
     radar = Radar.load("awr1843", "mmmesh")
     actor = MeshActor.from_mesh(
         ball, material="skin", name="ball", trajectory=lambda t: ((1.5, 0.0, 0.0), (20.0 * t, 0.0, 0.0))

@@ -20,7 +20,7 @@ def triangles(seed, count=400, size=0.02, away=1.0):
 
 @given(st.integers(0, 10_000), st.floats(1e-4, 0.1))
 @settings(max_examples=100, deadline=None)
-def test_a_mean_phasor_is_at_most_1_7_times_what_is_told_of_it(seed, size):
+def test_a_mean_phasor_is_at_most_1_7_times_its_estimate(seed, size):
     """A difference of two phasors, each no longer than 1.2 / sqrt(1 + x^2): at most sqrt(2) times their root sum."""
     corners = triangles(seed, size=size)
     phases = 2 * WAVENUMBER * np.sqrt((corners**2).sum(axis=0))
@@ -29,8 +29,8 @@ def test_a_mean_phasor_is_at_most_1_7_times_what_is_told_of_it(seed, size):
     assert 0.3 < np.sqrt((truth**2).sum() / (told**2).sum()) < 1.7
 
 
-def test_solid_angles_are_those_far_off():
-    """Of small triangles by Van Oosterom and Strackee's formula; what looks away is below zero."""
+def test_solid_angles_of_small_triangles():
+    """By Van Oosterom and Strackee's formula; negative for triangles that face away."""
     corners = triangles(0, size=1e-3)
     a, b, c = np.moveaxis(corners, 1, 0)
     x, y, z = (np.linalg.norm(each, axis=0) for each in (a, b, c))
@@ -50,11 +50,11 @@ def test_which_corner_comes_first_makes_no_difference(turn):
 
 @given(st.integers(0, 10_000), st.floats(0.0, 1.0), st.integers(1, 3))
 @settings(max_examples=100, deadline=None)
-def test_the_faintest_return_no_more_than_is_allowed(seed, share, surfaces):
-    """Of each surface by itself; one more would be too many."""
+def test_culled_facets_return_no_more_than_allowed(seed, share, surfaces):
+    """For each surface; one more facet would exceed it."""
     rng = np.random.default_rng(seed)
     return_estimate, surface = rng.exponential(size=500) ** 2, rng.integers(0, surfaces, 500)
-    return_estimate[rng.random(500) < 0.1] = 0.0  # what is not known to be faint
+    return_estimate[rng.random(500) < 0.1] = 0.0  # facets without an estimate
     allowed = share * np.sqrt(np.bincount(surface, return_estimate**2, surfaces))
     wave = return_estimate * np.exp(2j * np.pi * rng.random(500))
     found, left = cull_weakest(return_estimate, surface, allowed, lambda some: wave[some])
@@ -64,7 +64,7 @@ def test_the_faintest_return_no_more_than_is_allowed(seed, share, surfaces):
         mine = mine[np.argsort(return_estimate[mine])]
         apart, together = np.sqrt(np.cumsum(return_estimate[mine] ** 2)), np.abs(np.cumsum(wave[mine]))
         count = int(found[mine].sum())
-        assert found[mine[:count]].all()  # the faintest ones
+        assert found[mine[:count]].all()  # the weakest ones
         most = np.maximum(apart, np.maximum.accumulate(together)) if len(mine) else np.zeros(0)
         assert left[number] == pytest.approx(most[count - 1] if count else 0.0)
         assert left[number] <= allowed[number] * (1 + 1e-12)
@@ -72,8 +72,8 @@ def test_the_faintest_return_no_more_than_is_allowed(seed, share, surfaces):
             assert max(most[count], return_estimate[mine[count]]) > allowed[number] * (1 - 1e-12)
 
 
-def test_faint_facets_all_alike_are_fewer():
-    """In phase a hundred return ten times what they do side by side."""
+def test_fewer_equal_facets_are_culled():
+    """A hundred facets in phase return ten times their incoherent sum."""
     return_estimate, allowed = np.full(1000, 1e-3), np.array([1.001e-2])
     surface = np.zeros(1000, np.int32)
     apart = cull_weakest(

@@ -33,19 +33,19 @@ def error_of(shift, knots):
     return K * np.abs(knot_weights(knots, t) @ values - truth).max()
 
 
-def test_nothing_moves_one_knot():
+def test_one_knot_without_motion():
     assert len(knots_of(lambda t: 0.0)) == 1
     assert len(knots_of()) == 1
 
 
-def test_steady_motion_gets_the_widest_gaps():
+def test_uniform_motion_gets_the_widest_gaps():
     """At constant speed a cubic's four, and no more than what visibility asks for: here 5 ms at most."""
     assert len(knots_of(lambda t: 1.5 * t, spacing=1.0)) == 4
     assert len(knots_of(lambda t: 1.5 * t, spacing=5e-3)) == 7
 
 
 @pytest.mark.parametrize("frequency", [20.0, 60.0, 284.35, 288.85, 8 / 27.648e-3, 11 / 27.648e-3])
-def test_vibration_is_followed_whatever_its_rhythm(frequency):
+def test_vibrations_are_followed_at_any_frequency(frequency):
     """0.1 mm, in step with evenly spaced knots or not."""
 
     def shift(t):
@@ -56,8 +56,8 @@ def test_vibration_is_followed_whatever_its_rhythm(frequency):
     assert error_of(shift, knots) < 0.03
 
 
-def test_a_still_crowd_hides_no_mover():
-    """A fast mesh gets its knots beside any number of still ones."""
+def test_many_still_meshes_do_not_mask_a_moving_one():
+    """A fast mesh gets its knots among any number of still ones."""
 
     def fast(t):
         return 0.05 * np.sin(2 * np.pi * 12 * t)
@@ -67,14 +67,14 @@ def test_a_still_crowd_hides_no_mover():
     assert error_of(fast, alone) < 0.03
 
 
-def test_a_kink_is_said_and_costs_no_more_than_it_may(caplog):
+def test_a_kink_warns_at_bounded_cost(caplog):
     knots = knots_of(lambda t: 2.0 * min(t, 0.011))
     assert len(knots) <= 193
     assert "not smooth" in caplog.text
 
 
 @pytest.mark.parametrize("rate", [50.0, 300.0, 1000.0, 1500.0])
-def test_what_knots_miss_is_said(rate):
+def test_stated_error_of_knots(rate):
     """Of 1 mm, met or not: the spline's own error over the stretch, told at one place between each two."""
 
     def shift(t):
@@ -89,7 +89,7 @@ def test_what_knots_miss_is_said(rate):
 
 
 def circling(rate):
-    """Ways about the radar, in which no distance changes."""
+    """Circles around the radar, at constant distances."""
 
     def positions(t):
         cos, sin = np.cos(rate * t), np.sin(rate * t)
@@ -104,7 +104,7 @@ def cosine_eighth(directions):
 
 
 @pytest.mark.parametrize("rate", [1.0, 10.0, 60.0])
-def test_the_beam_passes_what_keeps_its_distance(rate):
+def test_gains_of_a_turning_beam(rate):
     """Gains by splines through the knots are right to the tolerance; who walks by gets no more for it than a cubic's
     four."""
     given = np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3
@@ -122,7 +122,7 @@ def test_the_beam_passes_what_keeps_its_distance(rate):
     assert error < 1e-3
 
 
-def test_a_pattern_that_jumps_does_not_drive_knots_to_their_limit(caplog):
+def test_a_discontinuous_pattern_keeps_few_knots(caplog):
     """A table whose ends differ jumps behind the radar: knots end where more don't halve what is missed, a quarter as
     many as there may be, and what is missed of the gain is said."""
 
@@ -139,7 +139,7 @@ def test_a_pattern_that_jumps_does_not_drive_knots_to_their_limit(caplog):
 
 
 @pytest.mark.parametrize("rate", [1.0, 60.0])
-def test_elements_beside_the_middle_see_it_come_nearer(rate):
+def test_phases_of_elements_beside_the_phase_centre(rate):
     """A pair of elements 1 cm beside the phase centre has its phase to the tolerance."""
     reach = 0.01
     given = np.zeros(3), 0.0, LENGTH, FREQUENCY, 1e-3, 10e-3
@@ -157,8 +157,8 @@ def test_elements_beside_the_middle_see_it_come_nearer(rate):
 
 @pytest.mark.parametrize(("gaps", "most"), [(2, 1.1), (3, 1.4), (5, 1.1), (12, 2.0), (40, 1.1)])
 @pytest.mark.parametrize("swing", [0.1, 0.3, 0.6])
-def test_what_splines_miss_of_a_phasor(gaps, most, swing):
-    """The law that instants are chosen by is that of the spline through them."""
+def test_spline_error_of_a_phasor(gaps, most, swing):
+    """The error law of the choice of sample times holds for the spline through them."""
     sample_times, times = np.arange(gaps + 1.0), np.linspace(0.0, gaps, 40 * gaps + 1)
     found = knot_weights(sample_times, times) @ np.exp(1j * swing * sample_times)
     missed = np.sqrt(np.mean(np.abs(found - np.exp(1j * swing * times)) ** 2))

@@ -32,7 +32,7 @@ def radar():
 
 
 def sampled(radar, actors, times):
-    """What is seen at `times`, and a run that looks on."""
+    """Visibility at `times`, and the moving tracer."""
     tracer = Tracer(None, radar, actors, 1e-2)
     run = tracer.follow()
     tracer.trace(times[0], times[0], run)
@@ -42,7 +42,7 @@ def sampled(radar, actors, times):
     return run._trace_visibility(times, interval), run, interval
 
 
-def test_times_together_show_what_each_shows_alone(radar, monkeypatch):
+def test_times_together_equal_single_times(radar, monkeypatch):
     """A ball that passes before another: shares, pieces of facets in half shadow, outlines and levels, with what is too
     faint at all times.
 
@@ -64,15 +64,15 @@ def test_times_together_show_what_each_shows_alone(radar, monkeypatch):
     assert len({each.fraction.sum() for each in together}) == len(times)
 
 
-def test_very_many_times_stay_near_the_radar(radar):
-    """Coordinates are float32: what is placed tens of metres aside would be seen less sharply."""
+def test_many_times_stay_near_the_radar(radar):
+    """Coordinates are float32, which loses accuracy at tens of metres."""
     times = np.linspace(0.0, 0.03, 200).tolist()
     together, *_ = sampled(radar, [actor(ball(0.1), "near", 1.5), actor(ball(0.3), "far", 2.5)], times)
     found = np.stack([each.fraction for each in together])  # nothing moves
     assert np.abs(found - found[0]).sum(axis=1).max() < 5 / 3
 
 
-def test_a_part_that_is_inside_out_hides_what_is_behind(radar):
+def test_an_inverted_part_occludes(radar):
     """Two balls that are one mesh, the nearer one inside out: it returns nothing, as nothing of it looks at the radar,
     and neither does its far side, which it hides as well."""
     both = trimesh.util.concatenate([ball(0.3), ball(0.1, -0.6, inverted=True)])
@@ -89,15 +89,15 @@ def test_a_part_that_is_inside_out_hides_what_is_behind(radar):
     assert 0.05 < hidden.mean() < 0.95
 
 
-def test_what_is_around_the_radar_hides_what_is_outside(radar):
-    """A closed box around the radar: seen from within, its faces look away, and hide all the same."""
+def test_a_box_around_the_radar_occludes(radar):
+    """The faces of a closed box around the radar face away and occlude all the same."""
     inside = trimesh.creation.box((1.0, 1.0, 1.0))
     (visible,), *_ = sampled(radar, [actor(inside, "box", 0.0), actor(ball(0.3), "ball", 2.0)], [0.0])
     assert visible.fraction.max() == 0.0
 
 
-def test_passing_rays_are_known_by_their_time(radar):
-    """Whoever looks on asks for geometry in between."""
+def test_silhouette_rays_by_time(radar):
+    """Also after geometry at times in between."""
     tracer = Tracer(None, radar, [actor(ball(0.1), "near", 1.5, 4.0), actor(ball(0.3), "far", 2.5)], 1e-2)
     asked = []
 
@@ -112,7 +112,7 @@ def test_passing_rays_are_known_by_their_time(radar):
 
 @pytest.mark.parametrize("spin", [0.0, 314.0, 628.0])
 @pytest.mark.parametrize("kind", ["closed", "open", "a part inside out", "around the radar"])
-def test_what_is_looked_at_again_is_hidden_by_all_that_a_ray_may_come_to(radar, kind, spin):
+def test_resampled_facets_have_all_occluders(radar, kind, spin):
     """A body before a plate, which turns by up to two turns in the stretch [rad/s]: rays to the plate come to what they
     come to in the ray scene, at each of the times."""
     body = ball(2.0 if kind == "around the radar" else 0.1)

@@ -11,7 +11,7 @@ from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
 
 
 def drawn(seed, facets=7, pairs=3):
-    """Views of some facets by some pairs, those in half shadow in one to three pieces."""
+    """Visibility of some facets from some pairs, partly occluded ones in one to three pieces."""
     draw = np.random.default_rng(seed)
     facet, pair = np.nonzero(draw.uniform(size=(facets, pairs)) < 0.6)
     fraction = draw.choice([0.0, 0.3, 1.0], len(facet))
@@ -20,7 +20,7 @@ def drawn(seed, facets=7, pairs=3):
 
 
 def told(views, names):
-    """What is told of each facet, by its name, and each pair."""
+    """Visibility by facet name and pair."""
     return {
         (names[facet], pair): (views.fraction[lane], views.pieces[views.owner == lane].tolist())
         for lane, (facet, pair) in enumerate(zip(views.facet.tolist(), views.pair.tolist(), strict=True))
@@ -28,14 +28,14 @@ def told(views, names):
 
 
 @given(st.integers(0, 1000), st.sets(st.integers(0, 6)))
-def test_those_of_some_facets_are_the_same(seed, chosen):
+def test_selected_facets_keep_their_visibility(seed, chosen):
     views, chosen = drawn(seed), sorted(chosen)
     found = told(views.of(np.array(chosen, np.intp)), chosen)
     assert found == {key: each for key, each in told(views, range(7)).items() if key[0] in chosen}
 
 
 @given(st.integers(0, 1000), st.integers(0, 1000))
-def test_one_after_the_other_they_are_what_they_were(one, other):
+def test_concatenation_keeps_each_part(one, other):
     views = drawn(one), drawn(other)
     joined = PerElementVisibility.joined(views, [0, 7])
     assert (np.diff(joined.owner) >= 0).all()
@@ -52,8 +52,8 @@ def test_shares_are_means_over_pairs():
 
 
 @pytest.mark.parametrize(("tx", "rx"), [(1, 2), (3, 4), (12, 16)])
-def test_pairs_that_tell_are_the_outermost_ones(tx, rx):
-    """All of few, each once; of many those of the outermost elements at least."""
+def test_representative_pairs_are_the_outermost_ones(tx, rx):
+    """All of a few pairs; of many at least those of the outermost elements."""
     y = np.linspace(-1.0, 1.0, tx)[:, None] * [0, 0.03, 0], np.linspace(-1.0, 1.0, rx)[:, None] * [0, 0.01, 0]
     representative = PerElementSampler(collect_surfaces(None, []), *y, np.zeros(3), 1.0, 0.01).representative()
     assert len(np.unique(representative)) == len(representative) == min(tx * rx, 12)

@@ -16,7 +16,7 @@ PLATE = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
 
 
 def turning(turn, across=0.0, size=0.004, away=3.0):
-    """A plate that turns [rad/s] and goes across the view [m/s]."""
+    """A plate that turns [rad/s] and moves across the line of sight [m/s]."""
 
     def positions(t):
         cos, sin = np.cos(turn * t), np.sin(turn * t)
@@ -47,7 +47,7 @@ def test_the_mean_phasor_is_that_of_a_dense_sum(phases):
 
 
 @pytest.mark.parametrize("phases", [(0.3, 0.3, 0.3), (1.0, 1.0, 4.0), (1.0, 1.0 + 1e-6, 1.0 - 2e-6), (0.0, 1e-4, 2e-4)])
-def test_equal_phases_are_no_exception(phases):
+def test_mean_phasor_of_equal_phases(phases):
     near = np.array(phases) + np.array([1e-3, -1e-3, 2e-3])
     found = _mean_phasor(np.array([phases, near]).T)
     assert np.isfinite(found).all()
@@ -58,7 +58,7 @@ def test_equal_phases_are_no_exception(phases):
     ("turn", "across", "stop", "gaps"),
     [(0.0, 0.0, 0.02, 2), (8.0, 2.0, 0.02, 2), (80.0, 0.0, 0.02, 3), (0.0, 8.0, 0.02, 3), (0.0, 0.0, 0.03, 3)],
 )
-def test_instants_of_a_plate(turn, across, stop, gaps):
+def test_sample_times_of_a_plate(turn, across, stop, gaps):
     """Three while it hardly turns [rad/s] or goes across the view [m/s], over no more than twice the gap that is
     allowed then; else four or more."""
     found = chosen(turning(turn, across), stop=stop).times
@@ -71,7 +71,7 @@ def test_instants_of_a_plate(turn, across, stop, gaps):
     ("across", "sway", "pair", "count"),
     [(0.0, 0.0, True, 2), (1.0, 0.0, True, 2), (2.0, 0.0, True, 3), (0.0, 1e-3, True, 3), (0.0, 0.0, False, 3)],
 )
-def test_two_instants_of_a_plate(across, sway, pair, count):
+def test_two_sample_times_of_a_plate(across, sway, pair, count):
     """While it goes straight on and not far across the view [m/s]; not where it comes back from a millimetre."""
 
     def positions(t):
@@ -82,7 +82,7 @@ def test_two_instants_of_a_plate(across, sway, pair, count):
 
 
 def missed_by(found, positions, faces=PLATE, stop=0.02):
-    """What the spline through instants misses of the sum of faces' mean phasors, at 997 times, relative to it."""
+    """Relative error of the spline through sample times for the faces' mean phasors, at 997 times."""
     times = np.linspace(0.0, stop, 997)
 
     def gain(t):
@@ -109,7 +109,7 @@ def test_a_spline_through_them_misses_no_more_than_stated(turn, tolerance):
 @pytest.mark.parametrize("frequency", [200.0, 300.0, 397.0, 400.0, 403.0, 600.0, 800.0])
 @pytest.mark.parametrize("indirect", [False, True])
 def test_vibrations_in_step_with_the_frame_are_not_missed(frequency, indirect):
-    """Of a plate that yaws by 0.05 rad, at knots that follow it: evenly spaced times alone would not tell."""
+    """Of a plate that yaws by 0.05 rad, at knots that follow it; evenly spaced test times would miss it."""
 
     def positions(t):
         return turning(0.05 * np.sin(2 * np.pi * frequency * t))(1.0)
@@ -120,7 +120,7 @@ def test_vibrations_in_step_with_the_frame_are_not_missed(frequency, indirect):
 
 @pytest.mark.parametrize("tolerance", [0.03, 0.003])
 def test_a_kink_in_a_turn_is_stated(tolerance):
-    """It does not fall with the gap's fourth power: what is stated is what is missed with as many as are chosen."""
+    """Its error does not fall with the fourth power of the gap; the stated error is that of the chosen number."""
 
     def positions(t):
         return turning(20.0 * max(t - 7.3e-3, 0.0), size=0.01)(1.0)
@@ -144,19 +144,19 @@ def test_which_corner_comes_first_makes_no_difference(turn):
     assert chosen(positions, faces).error == pytest.approx(chosen(positions, plain).error, rel=1e-6)
 
 
-def test_what_turns_too_fast_for_any_instants_is_said(caplog):
+def test_too_fast_a_turn_warns(caplog):
     found = chosen(turning(4000.0, size=0.3), tolerance=1e-6, knots=385)
     assert found.error > 1e-6
     assert "turn too fast" in caplog.text
 
 
-def test_a_tenth_of_the_tolerance_takes_a_little_less_than_twice_the_instants():
+def test_a_tenth_of_the_tolerance_takes_nearly_twice_the_times():
     few, many = (len(chosen(turning(100.0, size=0.02), tolerance=each, knots=25).times) - 1 for each in (1e-2, 1e-3))
     assert 1.5 * few < many < 2.0 * few + 1
 
 
-def test_what_looks_away_tells_nothing_of_a_closed_body():
-    """Beside a plate that stands and looks at the radar, one that turns: with its back to it, or its front."""
+def test_back_faces_of_a_closed_body_do_not_count():
+    """A still plate faces the radar; another one turns with its back or its front to it."""
     still, turned = turning(0.0), turning(30.0)
     towards = PLATE if trimesh.Trimesh(still(0.0)[0], PLATE).face_normals[0, 0] < 0 else PLATE[:, ::-1]
 
@@ -172,13 +172,13 @@ def test_what_looks_away_tells_nothing_of_a_closed_body():
     assert error(towards, closed=True) > 1e-3
 
 
-def test_mirrors_ask_for_four_and_for_a_quarter_of_the_error():
+def test_mirrors_need_four_times_and_a_quarter_of_the_error():
     found = chosen(turning(30.0, size=0.01), indirect=True)
     assert len(found.times) >= 4
     assert found.error <= 0.25 * 0.03
 
 
-def test_nothing_and_no_time():
+def test_no_mesh_and_no_time():
     assert (
         len(choose_sample_times(lambda t: [], [], [], np.zeros(3), np.array([0.5]), FREQUENCY, 0.03, 0.01).times) == 1
     )
@@ -188,7 +188,7 @@ def test_nothing_and_no_time():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_large_face_tells_among_thousands_of_small_ones(seed):
+def test_a_large_face_counts_among_thousands_of_small_ones(seed):
     """A plate of two triangles that turns beside a ball that stands, in whatever order the faces come: as many instants
     as for the plate alone, but for what the ball returns as well."""
     ball = trimesh.creation.icosphere(subdivisions=5, radius=0.1)
@@ -206,8 +206,8 @@ def test_a_large_face_tells_among_thousands_of_small_ones(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_others_stand_for_all(seed):
-    """Four thousand small plates, half of which turn: what is stated is what all of them side by side miss."""
+def test_representatives_of_weak_faces(seed):
+    """Four thousand small plates, half of which turn: the stated error is that of their incoherent sum."""
     rng = np.random.default_rng(seed)
     count = 4000
     places = np.array([4.0, 0.0, 0.0]) + rng.uniform(-0.5, 0.5, (count, 1, 3))

@@ -10,22 +10,22 @@ LENGTH = 27.6e-3
 
 
 def swinging(t):
-    """By 3 m/s at the end, as an arm does."""
+    """An arm, 3 m/s at its end."""
     turn = 0.5 * np.sin(5.0 * t)
     cos, sin = np.cos(turn), np.sin(turn)
     return [BODY @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]]).T]
 
 
 def spinning(t):
-    """Around the line of sight: distances stay, and so knots of a single element are few."""
+    """Around the line of sight: constant distances, so few knots."""
     turn = 2 * np.pi * 25.0 * t
     cos, sin = np.cos(turn), np.sin(turn)
     return [BODY @ np.array([[1, 0, 0], [0, cos, -sin], [0, sin, cos]]).T]
 
 
 @pytest.mark.parametrize("motion", [swinging, spinning])
-def test_positions_between_knots_are_right(motion):
-    """By the spline where that is right, and anew where distances tell nothing of a spin."""
+def test_positions_between_knots(motion):
+    """By the spline, and from the source where distances do not follow a spin."""
     knots, _ = choose_knots(motion, np.zeros(3), 0.0, LENGTH, 77e9, 5e-3, 10e-3, lambda d: np.ones(d.shape[:-1]), 0.0)
     asked = []
 
