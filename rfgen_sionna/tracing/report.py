@@ -50,12 +50,12 @@ class TraceReport:
 
     Root of the sum of squares of three errors of an actor's direct return, relative to that return:
 
-    - moving shadows (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`), at most `BETWEEN_PER_RTOL` times `rtol`
-    unless the limit of refinement is reached;
+    - moving shadows (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`), at most `TIME_ERROR_PER_RTOL` times
+      `rtol` unless the limit of refinement is reached;
     - gains of turning faces (:mod:`rfgen_sionna.tracing.moving.sample_times`), at most `GAIN_PER_RTOL` times `rtol`, or
-    a warning;
+      a warning;
     - phases and antenna gain between knots (:mod:`rfgen_sionna.tracing.moving.knots`), at most twice `PHASE_PER_RTOL`
-    times `rtol`, or a warning.
+      times `rtol`, or a warning.
 
     That of the static scene: moving shadows (:mod:`rfgen_sionna.tracing.static.static_refinement`), relative to the
     reference of its `error`. Other indirect paths of actors are not included.

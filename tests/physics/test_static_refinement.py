@@ -67,9 +67,9 @@ def errors(tracer, length, monkeypatch):
     times = np.linspace(0.0, length, 40)
     truth = np.array([static_channel(tracer, tracer.trace(t, t), np.array([t]))[0] for t in times.tolist()])
     found = []
-    for tolerance in (static_glances.BETWEEN_PER_RTOL, np.inf):
-        monkeypatch.setattr(static_glances, "BETWEEN_PER_RTOL", tolerance)
-        monkeypatch.setattr("rfgen_sionna.tracing.moving.temporal_refinement.BETWEEN_PER_RTOL", tolerance)
+    for tolerance in (static_glances.TIME_ERROR_PER_RTOL, np.inf):
+        monkeypatch.setattr(static_glances, "TIME_ERROR_PER_RTOL", tolerance)
+        monkeypatch.setattr("rfgen_sionna.tracing.moving.temporal_refinement.TIME_ERROR_PER_RTOL", tolerance)
         traced = tracer.trace(0.0, length)
         error = rms(static_channel(tracer, traced, times) - truth) / tracer.static.level
         found.append((error, traced.report.time_error + traced.report.error, traced))
@@ -158,5 +158,5 @@ def test_samples_hold_what_is_looked_at_again(radar, monkeypatch):
 
     found = [samples(), samples()]
     assert np.array_equal(*found)
-    monkeypatch.setattr("rfgen_sionna.tracing.moving.temporal_refinement.BETWEEN_PER_RTOL", np.inf)
+    monkeypatch.setattr("rfgen_sionna.tracing.moving.temporal_refinement.TIME_ERROR_PER_RTOL", np.inf)
     assert np.linalg.norm(samples() - found[0]) > 0.1 * np.linalg.norm(found[0])

@@ -86,7 +86,7 @@ def test_an_edge_that_passes_a_plate_aslant(radar, monkeypatch):
     # With four instants: three tell of a plate that edges pass by many wavelengths that it is one, and not how much.
     monkeypatch.setattr(instants, "PAIR_SPACING", 0.0)
     monkeypatch.setattr(instants, "QUIET_SPACING", 0.0)
-    monkeypatch.setattr(glances, "BETWEEN_PER_RTOL", np.inf)
+    monkeypatch.setattr(glances, "TIME_ERROR_PER_RTOL", np.inf)
     plain = tracer.trace(0.0, length)
     assert plain.refined is None
     before = rms(channel(of(plain.actors, "plate"), times) - truth) / rms(truth)
@@ -167,7 +167,7 @@ def test_what_was_hidden_at_first_is_not_left_to_two_instants(radar):
 def test_what_comes_and_goes_between_two_instants_is_stated(radar, monkeypatch):
     """Two instants taken for enough, whatever moves: no more is missed than half of what may change. Nothing is looked
     at from places of pairs, as that is given three."""
-    monkeypatch.setattr(moving, "BETWEEN_PER_RTOL", np.inf)
+    monkeypatch.setattr(moving, "TIME_ERROR_PER_RTOL", np.inf)
     monkeypatch.setattr(ErrorControl, "unverified", lambda known, *_: np.zeros(len(known.per_element), np.bool_))
     length, found = radar.waveform.frame_length, []
     times = np.linspace(0.0, length, 20)

@@ -29,7 +29,7 @@ from rfgen_sionna.tracing.moving.moving_facets import MovingFacets, Positions
 from rfgen_sionna.tracing.moving.moving_visibility import MovingVisibility
 from rfgen_sionna.tracing.moving.per_element_visibility import PerElementSampler
 from rfgen_sionna.tracing.moving.temporal_refinement import (
-    BETWEEN_PER_RTOL,
+    TIME_ERROR_PER_RTOL,
     TemporalRefinement,
     fine_times,
     moved_shadow_returns,
@@ -202,7 +202,7 @@ class MovingTracer:
         visible = self._trace_visibility(sample_times.tolist(), interval)
         if len(sample_times) == PAIR:
             moved_shadow_error = self._moved_shadow_error(*visible)
-            if moved_shadow_error > BETWEEN_PER_RTOL * self._rtol:
+            if moved_shadow_error > TIME_ERROR_PER_RTOL * self._rtol:
                 moved_shadow_error, self._unsteady, discarded = 0.0, UNSTEADY + 1, visible
                 sample_times = _with_middle(sample_times)
                 visible = self._trace_visibility(sample_times.tolist(), interval)

@@ -46,7 +46,7 @@ from rfgen_sionna.tracing.shadows.return_bounds import max_returns
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 
-BETWEEN_PER_RTOL = 3.0
+TIME_ERROR_PER_RTOL = 3.0
 """Allowed error of a return between sample times for moving shadows, relative to itself [root mean square over time],
 per unit of the tolerance: as for turning faces."""
 MAX_SUBDIVISIONS = 8
@@ -108,7 +108,7 @@ def choose_refinement(
     missed = missed * phasors[:, 1:-1]
     for number in range(len(level)):
         mine = np.flatnonzero(surface == number)
-        allowed = BETWEEN_PER_RTOL * rtol * level[number]
+        allowed = TIME_ERROR_PER_RTOL * rtol * level[number]
         able = mine[steady[mine] & (energy[mine] > 0)]
         able = able[np.argsort(-energy[able], kind="stable")]
         # Error of the others if the first n are followed: incoherent and coherent sums.
@@ -303,7 +303,7 @@ class TemporalRefinement:
             own_group, tolerance_groups = self._tolerance_group[first.surface], len(chosen.level)
             missed = missed_energy(gains, waves, shares, chosen.width, own_group, tolerance_groups)
             error = chosen.error(missed)
-            if error <= BETWEEN_PER_RTOL * self._rtol or 2 * rounds > max_subdivisions(len(sample_times)):
+            if error <= TIME_ERROR_PER_RTOL * self._rtol or 2 * rounds > max_subdivisions(len(sample_times)):
                 break
             rounds *= 2
         parts = [own.take(every[count * k : count * (k + 1)]) for k in order]

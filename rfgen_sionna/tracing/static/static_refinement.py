@@ -20,8 +20,8 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.moving.knots import interpolation_loss, leave_one_out, missed_energy, rms
 from rfgen_sionna.tracing.moving.temporal_refinement import (
-    BETWEEN_PER_RTOL,
     MIN_SAMPLE_TIMES,
+    TIME_ERROR_PER_RTOL,
     choose_refinement,
     fine_times,
     max_subdivisions,
@@ -99,7 +99,7 @@ def refine_occlusion(
     together = np.cumsum(LEAVE_ONE_OUT_SCALE * leave_one_out(whole[order, None] * left[some[order]]), axis=0)
     apart = np.sqrt(np.cumsum(at_most[order] ** 2))
     skipped = np.maximum.accumulate(np.maximum(apart, rms(together)))  # incoherent and coherent
-    sure = int(np.count_nonzero(skipped <= _NEGLIGIBLE_SHARE * BETWEEN_PER_RTOL * rtol * static.level))
+    sure = int(np.count_nonzero(skipped <= _NEGLIGIBLE_SHARE * TIME_ERROR_PER_RTOL * rtol * static.level))
     apart_skipped, together_skipped = (
         (apart[sure - 1], together[sure - 1]) if sure else (0.0, np.zeros(together.shape[1], np.complex128))
     )
@@ -143,7 +143,7 @@ def refine_occlusion(
         shares = np.stack([each.left for each in occluders], axis=1)
         gains, over_time = _single(static, chosen, shares, occluders), np.broadcast_to(waves, shares.shape)
         missed = missed_energy(gains, over_time, shares, found.width, every, 1)
-        if np.sqrt(missed[0]) <= BETWEEN_PER_RTOL * rtol * static.level or rounds == most:
+        if np.sqrt(missed[0]) <= TIME_ERROR_PER_RTOL * rtol * static.level or rounds == most:
             break
         rounds = min(2 * rounds, most)
     rest = [each.only(~mine) for each in static_visibility]

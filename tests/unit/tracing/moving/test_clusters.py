@@ -137,7 +137,7 @@ def test_facets_of_rough_surfaces_stay_alone(ball, scattering, monkeypatch):
 
 
 def test_at_a_single_time_each_facet_has_its_own_doppler(ball):
-    """A path at a single time has one delay rate, which differs between facets two centimetres apart on a spinning body."""
+    """A path has one delay rate at a single time, but facets two centimetres apart on a spinning body differ."""
     radar = Radar.load("awr1843", "mmmesh")
     actor = MeshActor.from_mesh(
         ball, material="skin", name="ball", trajectory=lambda t: ((1.5, 0.0, 0.0), (20.0 * t, 0.0, 0.0))
