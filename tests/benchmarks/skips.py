@@ -222,7 +222,7 @@ def _row(name: str, on: float, off: float, differences: tuple[float, float], err
     holds = max(differences) <= error_budget
     return {
         "skip": name, "seconds_on": on, "seconds_off": off, "times_faster": off / max(on, 1e-9),
-        "difference_room": differences[0], "difference_actor": differences[1], "error_budget": error_budget, "holds":
+        "difference_room": differences[0], "difference_actor": differences[1], "allowed": error_budget, "holds":
         holds,
     } | more  # fmt: skip
 
