@@ -1,4 +1,4 @@
-"""Wave of an element at a point, by way of curved mirrors.
+"""Wave of an element at a point, after curved mirrors.
 
 Rays start at the phase centre; elements are displaced from it. The path of an element to the same point follows from
 Fermat's principle: its length is stationary over the points on the mirrors, each the osculating quadric at the ray's

@@ -44,7 +44,7 @@ def stationary_phase_errors(
     )
     unit = np.minimum(1.0 / np.sqrt(wavenumber * np.maximum(np.abs(size), 1e-12)), most[:, None])
     axes = [tangents(double_bounces.normal[:, i]) @ vectors[:, 2 * i : 2 * i + 2] for i in range(2)]
-    steps = np.moveaxis(np.stack(axes), 3, 0) * unit.T[:, None, :, None]  # (direction, place, glint, 3)
+    steps = np.moveaxis(np.stack(axes), 3, 0) * unit.T[:, None, :, None]  # (direction, point, double bounce, 3)
     length, amplitude = _path_length(double_bounces, np.zeros_like(steps[0]), source)
     higher = np.where((unit >= most[:, None]).any(axis=1), 1.0, 0.0)  # flat as far as its curvature is valid
     for along, step in enumerate(steps):

@@ -1,8 +1,8 @@
 """Planar parts of any surface as reflectors: sides of corner reflectors, boards, table tops, walls.
 
-A reflector shows the points in its cone: those between the radar's image and beyond the outline. Outlines are kept as
-convex windows, so that facets are clipped to that cone exactly (:mod:`rfgen_sionna.tracing.surface.clip`). Of two
-planar parts on a path one is the mirror, the other is integrated.
+A reflector shows the points inside its cone, from the radar's image through the outline. Outlines are kept as convex
+windows, so that facets are clipped to the cone exactly (:mod:`rfgen_sionna.tracing.surface.clip`). Of two planar parts
+on a path one is the mirror, the other is integrated.
 """
 
 from __future__ import annotations

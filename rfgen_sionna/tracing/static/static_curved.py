@@ -16,7 +16,7 @@ from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.curved.smoothed_surface import SmoothedSurface
 from rfgen_sionna.tracing.reflectors.planar_reflectors import face_owners, find_planar_parts
 from rfgen_sionna.tracing.static.actor_shadows import StaticIndirectPaths
-from rfgen_sionna.tracing.static.static_reflections import MIN_PLATE_WIDTH
+from rfgen_sionna.tracing.static.static_reflections import MIN_REFLECTOR_WIDTH
 from rfgen_sionna.tracing.static.static_trace import StaticTrace
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
@@ -57,7 +57,7 @@ def trace_static_curved(
     if all(each.smooth is None for each in surfaces.static):
         return None
     points = surfaces.static_vertices
-    parts = find_planar_parts(surfaces.static, points, [MIN_PLATE_WIDTH * radar.wavelength] * len(points))
+    parts = find_planar_parts(surfaces.static, points, [MIN_REFLECTOR_WIDTH * radar.wavelength] * len(points))
     owner = face_owners(parts, surfaces.static)
     rounds = CurvedReflections(
         replace(surfaces, moving=()), radar, rtol, lambda: owner, lambda: static.unoccluded, still=True

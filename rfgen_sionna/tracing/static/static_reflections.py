@@ -45,7 +45,7 @@ from rfgen_sionna.tracing.surface.clip import triangle_areas
 from rfgen_sionna.tracing.surface.facets import Facets, sum_by_surface
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
-MIN_PLATE_WIDTH = 1.0
+MIN_REFLECTOR_WIDTH = 1.0
 """Least width of a planar reflector [wavelengths]; narrower parts count as curved."""
 SKIPPED_SHARE = 0.5
 """Share of the tolerance below which a pair or triple of surfaces is left out."""
@@ -106,7 +106,7 @@ def trace_static_reflections(
     setup = setup or ReflectionSetup(static.facets, static.levels, FreeLegs())
     view, facets = np.asarray(radar.position), setup.facets
     points = surfaces.static_vertices
-    planar_parts = find_planar_parts(surfaces.static, points, [MIN_PLATE_WIDTH * radar.wavelength] * len(points))
+    planar_parts = find_planar_parts(surfaces.static, points, [MIN_REFLECTOR_WIDTH * radar.wavelength] * len(points))
     reflectors = [flat.at(points[flat.surface], view) for flat in planar_parts]
     owner = face_owners(planar_parts, (*surfaces.static, *surfaces.moving))
     possible = [number for number, reflector in enumerate(reflectors) if reflector is not None]

@@ -1,4 +1,4 @@
-"""Waves by way of mirrors: image theory, textbook radii of curvature, focal turns of the phase, reciprocity."""
+"""Waves after mirrors: image theory, textbook radii of curvature, phase turns at foci, reciprocity."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def plane(point, normal):
 
 
 def ball(centre, radius, source, end):
-    """The mirror that a ball is for one ray; a negative radius is its hollow inside."""
+    """A ball as a mirror for one ray; a negative radius is its hollow inside."""
     point = reflection_points(centre, abs(radius), source, end[None])[0]
     normal = (point - centre) / radius
     curvature = (np.eye(3) - np.outer(normal, normal)) / radius
@@ -31,7 +31,7 @@ def route(mirrors, end):
 
 
 def test_a_plane_mirror_is_an_image():
-    """Length, direction and spreading are those of the image, for elements a decimetre beside the ray's source."""
+    """Length, direction and spreading equal the image's, for elements a decimetre from the ray's source."""
     wall = plane([1.0, 2.0, 0.3], [0.0, -1.0, 0.0])
     end = np.array([2.0, 0.5, -0.2])
     for element in ([0.0, 0.0, 0.0], [0.1, -0.05, 0.1]):
@@ -65,16 +65,16 @@ def test_a_hollow_mirror_turns_the_phase_by_a_quarter_at_each_focus():
         found = arriving_wave(source, route([mirror], [0, 0, height]), OPTICS)
         assert found.spread[0] / abs(found.spread[0]) == pytest.approx(1j**turns)
         assert abs(found.spread[0]) == pytest.approx(1 / abs(3 * (1 - height / 0.6)), rel=1e-6)
-    # A trough has one focus: bent in one direction alone.
+    # A trough has one focus.
     trough = CurvedMirror(np.zeros((1, 3)), np.array([[0, 0, 1.0]]), -np.diag([1.0, 0.0, 0.0])[None], NONE)
     found = arriving_wave(source, route([trough], [0, 0, 1.0]), OPTICS)
     assert found.spread[0] / abs(found.spread[0]) == pytest.approx(1j)
 
 
-def test_two_bent_mirrors_are_reciprocal_and_fermat_finds_the_way_of_a_displaced_element():
+def test_two_curved_mirrors_are_reciprocal_and_fermat_finds_the_path_of_a_displaced_element():
     first, second = (np.array([2.0, 0.4, 0.0]), 0.3), (np.array([1.8, -0.5, 0.2]), 0.2)
     source, end = np.zeros(3), np.array([0.3, -2.0, 0.5])
-    # The way by hand: alternately reflect at one ball for a fixed point of the other.
+    # Reference path: reflect at each ball in turn for a fixed point of the other.
     one, other = first[0], second[0]
     for _ in range(40):
         one = reflection_points(*first, source, other[None])[0]
@@ -86,13 +86,13 @@ def test_two_bent_mirrors_are_reciprocal_and_fermat_finds_the_way_of_a_displaced
     assert there.length[0] == pytest.approx(by_hand, abs=1e-9)
     assert there.length[0] == pytest.approx(back.length[0], abs=1e-12)
     assert there.spread[0] == pytest.approx(back.spread[0], rel=1e-9)
-    beside = np.array([0.0, 0.03, -0.02])
+    element = np.array([0.0, 0.03, -0.02])
     one, other = mirrors[0].point[0], mirrors[1].point[0]
     for _ in range(40):
-        one = reflection_points(*first, beside, other[None])[0]
+        one = reflection_points(*first, element, other[None])[0]
         other = reflection_points(*second, one, end[None])[0]
-    moved = arriving_wave(beside, route(mirrors, end), OPTICS)
-    by_hand = np.linalg.norm(one - beside) + np.linalg.norm(other - one) + np.linalg.norm(end - other)
+    moved = arriving_wave(element, route(mirrors, end), OPTICS)
+    by_hand = np.linalg.norm(one - element) + np.linalg.norm(other - one) + np.linalg.norm(end - other)
     # A hundredth of a degree at 77 GHz.
     assert moved.length[0] == pytest.approx(by_hand, abs=1e-7)
 

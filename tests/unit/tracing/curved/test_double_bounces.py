@@ -1,4 +1,4 @@
-"""What glints are found with: places and bends of chosen faces, pieces, pairs of them, matching, folds."""
+"""Specular double bounces: smooth surfaces and curvatures, patches and their pairs, matching, folds."""
 
 from types import SimpleNamespace
 
@@ -25,7 +25,7 @@ from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
 
 @pytest.fixture(scope="module")
 def two():
-    """A bent mesh that is no sphere, and a cylinder with its sharp rims."""
+    """An ellipsoid, and a cylinder with sharp edges."""
     egg = trimesh.creation.icosphere(3, 0.2)
     egg.apply_scale((1.0, 0.6, 0.8))
     rod = trimesh.creation.cylinder(radius=0.05, height=0.4, sections=32)
@@ -33,26 +33,26 @@ def two():
     return collect_surfaces(None, actors).moving, [actor.vertices(0.0) for actor in actors]
 
 
-def skin_of(surfaces, vertices):
+def smoothed(surfaces, vertices):
     return SmoothedSurface.joined(
         [SmoothedSurface.one(each, points) for each, points in zip(surfaces, vertices, strict=True)]
     )
 
 
-def bends_of(surface, surface_model):
+def curvatures_of(surface, surface_model):
     return corner_curvatures(surface, surface_model.corners, surface_model.normals, np.arange(len(surface.faces)))
 
 
-def test_some_faces_stand_as_all_do(two):
+def test_selected_faces_equal_those_of_the_whole_surface(two):
     surfaces, vertices = two
-    every = skin_of(surfaces, vertices)
+    every = smoothed(surfaces, vertices)
     facet = np.random.default_rng(1).integers(0, len(every.corners), 50)
     some = SmoothedSurface.some(surfaces, vertices, facet)
     for name in ("corners", "normals", "sagittas"):
         assert getattr(some, name) == pytest.approx(getattr(every, name)[facet], abs=1e-15)
 
 
-def test_a_skin_at_another_time_has_the_sheets_of_the_first(two):
+def test_a_surface_at_another_time_has_the_sheets_of_the_first(two):
     surfaces, vertices = two
     first = SmoothedSurface.one(surfaces[1], vertices[1])
     later = SmoothedSurface.one(surfaces[1], vertices[1] + 0.1, like=first)
@@ -60,23 +60,23 @@ def test_a_skin_at_another_time_has_the_sheets_of_the_first(two):
     assert later.corners == pytest.approx(first.corners + 0.1)
 
 
-def test_bends_of_some_faces_are_those_of_all(two):
+def test_curvatures_of_selected_faces_equal_those_of_all(two):
     surfaces, vertices = two
     for surface, points in zip(surfaces, vertices, strict=True):
         surface_model = SmoothedSurface.one(surface, points)
-        every = bends_of(surface, surface_model)
+        every = curvatures_of(surface, surface_model)
         face = np.array([0, 5, 5, len(surface.faces) - 1])
         assert corner_curvatures(surface, surface_model.corners, surface_model.normals, face) == pytest.approx(
             every[face], abs=1e-9
         )
 
 
-def test_bends_are_those_of_a_cylinder(two):
+def test_curvatures_of_a_cylinder(two):
     """1 / radius around it, nothing along it."""
     surfaces, vertices = two
     surface_model = SmoothedSurface.one(surfaces[1], vertices[1])
     side = np.flatnonzero(np.abs(surface_model.normals[:, :, 2]).max(axis=1) < 0.1)
-    found = np.sort(np.linalg.eigvalsh(bends_of(surfaces[1], surface_model)[side].reshape(-1, 3, 3)), axis=1)
+    found = np.sort(np.linalg.eigvalsh(curvatures_of(surfaces[1], surface_model)[side].reshape(-1, 3, 3)), axis=1)
     assert found[:, 2] == pytest.approx(1 / 0.05, rel=0.02)
     assert np.abs(found[:, :2]).max() < 0.05 / 0.05
 
@@ -89,23 +89,22 @@ def unit(vectors):
 
 
 def outgoing(surface_model, facet, weights):
-    """Places on the smooth surface, relative to the source, and where rays from there go on from them."""
+    """Points on the smooth surface, relative to the source, and directions of the reflected rays."""
     place = surface_model.places(facet, weights)[1] - SOURCE
     normal, home = unit_normals(surface_model, facet, weights), -unit(place)
     return place, 2.0 * np.einsum("ni,ni->n", normal, home)[:, None] * normal - home
 
 
 def inside(pieces, rng, times=20):
-    """Random places on pieces: which piece, and barycentric coordinates on its face."""
+    """Random points on patches: patch, and barycentric coordinates on its face."""
     which = np.repeat(np.arange(len(pieces)), times)
     return which, np.einsum("nc,ncv->nv", rng.dirichlet(np.ones(3), len(which)), pieces.weights[which])
 
 
-def test_rays_leave_a_piece_as_it_is_known(two):
-    """From wherever on it: places in its ball, directions within its spread, the plane below it; so for its halves,
-    which cover it and know more."""
+def test_rays_leave_a_patch_within_its_bounds(two):
+    """Points lie in its ball and above its plane, directions within its spread; halves cover it with closer bounds."""
     surfaces, vertices = two
-    surface_model, rng = skin_of(surfaces, vertices), np.random.default_rng(0)
+    surface_model, rng = smoothed(surfaces, vertices), np.random.default_rng(0)
     facet = rng.integers(0, len(surface_model.corners), 200)
     whole = SurfacePatches.of(surface_model, SOURCE, facet, np.tile(np.eye(3), (len(facet), 1, 1)))
     halves = whole.halves(surface_model, SOURCE)
@@ -124,18 +123,17 @@ def test_rays_leave_a_piece_as_it_is_known(two):
     assert halves.spread.mean() < 0.85 * whole.spread.mean()
 
 
-def test_no_pair_is_lost_that_shows_the_source_itself(two):
-    """Rays from random places on the egg that meet the rod, both of them turned so that rays come back from there:
-    whatever the normals, the pair of faces is among those that are possible."""
+def test_no_pair_with_a_double_bounce_is_lost(two):
+    """Random pairs of faces, turned so that rays return to the source: each is among the candidates."""
     surfaces, vertices = two
-    surface_model, rng = skin_of(surfaces, vertices), np.random.default_rng(1)
+    surface_model, rng = smoothed(surfaces, vertices), np.random.default_rng(1)
     limits, count = PathLimits(0.01, 20.0), len(surface_model.corners)
     kept = 0
     for _ in range(40):
         facet = rng.integers(0, count, 2)
         weights = rng.dirichlet(np.full(3, 2.0), 2)
         place = surface_model.places(facet, weights)[1] + rng.normal(size=(2, 3))
-        # Faces are moved to where they are to be, and turned about their places.
+        # Faces are moved and turned about their points.
         home, ray = unit(SOURCE - place), unit(place[1] - place[0])
         wanted = unit(home + np.array([ray, -ray]))
         if np.linalg.norm(place[1] - place[0]) < 0.05:
@@ -165,11 +163,11 @@ def test_no_pair_is_lost_that_shows_the_source_itself(two):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 64, 255, 257, 600])
-def test_blocks_of_pieces_lose_no_pair(two, count):
-    """Of all pairs of whole faces, one of each telling: by blocks as one by one."""
+def test_blocks_of_patches_lose_no_pair(two, count):
+    """Pairs of whole faces with a required one: blocks give the same as all pairs."""
     surfaces, vertices = two
     surface_model, rng = (
-        skin_of(surfaces, [vertices[0], vertices[1] + np.array([0.1, 0.5, 0.0])]),
+        smoothed(surfaces, [vertices[0], vertices[1] + np.array([0.1, 0.5, 0.0])]),
         np.random.default_rng(count),
     )
     subdivision = PatchSubdivision(
@@ -187,20 +185,20 @@ def test_blocks_of_pieces_lose_no_pair(two, count):
         assert found.shape[1] == len(wanted[0])
 
 
-def test_a_radar_on_a_bent_face_ends_the_search(two):
-    """Rays go anywhere from where it is: pieces are no smaller for that than they are to be."""
+def test_a_radar_on_a_curved_face_ends_the_search(two):
+    """Directions are unbounded there: patches are halved to the least size alone."""
     surfaces, vertices = two
-    surface_model = skin_of(surfaces, vertices)
+    surface_model = smoothed(surfaces, vertices)
     place = surface_model.places(np.array([5]), np.full((1, 3), 1 / 3))[1][0]
     subdivision = PatchSubdivision(surface_model, place, np.arange(0, len(surface_model.corners), 9))
     list(candidate_pairs(subdivision, np.ones(len(surface_model.corners), bool), PathLimits(0.01, 20.0)))
     assert subdivision.pieces.radius.min() > 1e-6
 
 
-def test_pairs_that_are_left_are_closely_known(two):
-    """All that :func:`candidate_pairs` yields, and by one of each pair that tells."""
+def test_candidates_are_within_the_spread(two):
+    """All pairs of :func:`candidate_pairs`, each with a required face."""
     surfaces, vertices = two
-    surface_model = skin_of(surfaces, [vertices[0], vertices[1] + np.array([0.1, 0.5, 0.0])])
+    surface_model = smoothed(surfaces, [vertices[0], vertices[1] + np.array([0.1, 0.5, 0.0])])
     subdivision, required = (
         PatchSubdivision(surface_model, SOURCE, np.arange(len(surface_model.corners))),
         np.arange(len(surface_model.corners)) < 40,
@@ -216,13 +214,13 @@ def test_pairs_that_are_left_are_closely_known(two):
     assert visible > 0
 
 
-def test_places_on_two_balls_are_where_the_way_is_shortest():
-    """By the pieces that are next to it, and by no other pair of those that face the source."""
+def test_specular_points_on_two_balls_have_the_shortest_path():
+    """Found by the nearest patches, and by no other pair that faces the source."""
     balls = [trimesh.creation.icosphere(3, 0.2) for _ in range(2)]
     middles = np.array([[0.0, 0.0, 0.0], [0.3, 0.5, 0.1]])
     actors = [MeshActor.from_mesh(ball, material="pec", name=name) for ball, name in zip(balls, "ab", strict=True)]
     surfaces = collect_surfaces(None, actors).moving
-    surface_model = skin_of(surfaces, [ball.vertices + m for ball, m in zip(balls, middles, strict=True)])
+    surface_model = smoothed(surfaces, [ball.vertices + m for ball, m in zip(balls, middles, strict=True)])
     subdivision, found = PatchSubdivision(surface_model, SOURCE, np.arange(len(surface_model.corners))), []
     for one, other in candidate_pairs(subdivision, np.ones(len(surface_model.corners), bool), PathLimits(0.01, 20.0)):
         facet = subdivision.pieces.facet[one], subdivision.pieces.facet[other]
@@ -266,8 +264,8 @@ def test_matches_are_mutual_and_near():
     assert len(match_points(one[:0], other, 0.3)[0]) == 0
 
 
-def glint(curvature_gradient):
-    """Two flat surfaces across the x axis, of which one bends by `curvature_gradient` [1/m^2] along z."""
+def flat_pair(curvature_gradient):
+    """Two flat surfaces across the x axis, one with a `curvature_gradient` [1/m^2] along z."""
     twists = np.zeros((1, 2, 3, 3, 3))
     twists[0, 0, 2, 2, 2] = curvature_gradient
     normal = np.tile([1.0, 0.0, 0.0], (1, 2, 1))
@@ -276,15 +274,15 @@ def glint(curvature_gradient):
 
 
 def caustic_factor(curvature, curvature_gradient, wavenumber):
-    """Of a glint whose phase has this `curvature` [1/m] along the first surface's z axis; legs turn by 2 there."""
+    """Of a double bounce with phase `curvature` [1/m] along the first surface's z axis; legs turn by 2 there."""
     legs = tuple(np.array([each]) for each in ([-1.0, 0, 0], [1.0, 0, 0], [-1.0, 0, 0]))
     arrival = SimpleNamespace(hessian=np.diag([curvature, 30.0, 30.0, 30.0])[None], legs=legs)
-    return glint(curvature_gradient).caustic_factor(arrival, wavenumber)[0]
+    return flat_pair(curvature_gradient).caustic_factor(arrival, wavenumber)[0]
 
 
 @pytest.mark.parametrize("apart", [0.0, 0.5, 1.0, 2.0, 6.0])
-def test_two_glints_that_meet_return_what_the_integral_does(apart):
-    """Around a fold, phase k (h x^2 / 2 + c x^3 / 6): two glints, `apart` by so much of it [rad], against the integral
+def test_two_merging_double_bounces_against_the_integral(apart):
+    """Around a fold, phase k (h x^2 / 2 + c x^3 / 6): two double bounces, `apart` in phase [rad], against the integral
     along a path on which that falls off: within 3.5 dB at the fold itself, 1 dB where they are 2 rad apart and more. By
     geometrical optics they have no bound there."""
     wavenumber, curvature_gradient = 1600.0, 300.0
@@ -306,7 +304,7 @@ def test_two_glints_that_meet_return_what_the_integral_does(apart):
     assert abs(20 * np.log10(abs(found / truth))) < (1.0 if apart >= 2.0 else 3.5)
 
 
-def test_glints_far_from_folds_stay_as_they_are():
+def test_double_bounces_far_from_folds_are_unchanged():
     assert caustic_factor(2.0, 0.0, 1600.0) == 1.0
     assert caustic_factor(1e-6, 0.0, 1600.0) == 1.0
     assert caustic_factor(30.0, 100.0, 1600.0) > 0.98
