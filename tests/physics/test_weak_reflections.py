@@ -21,7 +21,7 @@ SCENE = """<scene version="2.1.0">
     </shape>
     {plates}
 </scene>"""
-MIN_PLATE_WIDTH = """<shape type="obj" id="{name}"><string name="filename" value="{name}.obj"/>
+SHAPE = """<shape type="obj" id="{name}"><string name="filename" value="{name}.obj"/>
     <boolean name="face_normals" value="true"/><ref id="mat-metal" name="bsdf"/></shape>"""
 
 
@@ -44,7 +44,7 @@ def dihedral(folder, cells, size=0.1):
                 lines += [f"f {a} {b} {c}", f"f {a} {c} {d}"]
         (folder / f"{name}.obj").write_text("\n".join(lines))
     file = folder / "scene.xml"
-    file.write_text(SCENE.format(plates="".join(MIN_PLATE_WIDTH.format(name=name) for name in ("left", "right"))))
+    file.write_text(SCENE.format(plates="".join(SHAPE.format(name=name) for name in ("left", "right"))))
     return load_scene(str(file))
 
 

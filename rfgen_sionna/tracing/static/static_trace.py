@@ -246,9 +246,7 @@ def trace_static(
             last = last or found.total > 0.5 * before[1] or effort * found.total / rtol > MAX_EFFORT
             before[1] = found.total
         if last:
-            _LOG.warning(
-                "the return of the static scene is right to %.2g of its strongest part (rtol: %g)", found.total, rtol
-            )
+            _LOG.warning("the return of the static scene has a relative error of %.2g (rtol: %g)", found.total, rtol)
             break
         resolution[found.share > 0.1 / len(materials)] *= tolerance_factor(np.array(found.total), rtol)
     gains = band.combined(expansion, values)
