@@ -160,7 +160,7 @@ def train(
         noisy, timesteps, target = diffuse(clean, torch.Generator().manual_seed(recipe.seed * 1_000_003 + step))
         layout_maps = torch.from_numpy(layout_maps_of(corpus, batch, rng)).to(device)
         mean, spread = (each[sides, batch.index].float().to(device) for each in expected)
-        told = {"sketch": layout_maps, "expected": mean, "spread": spread}
+        told = {"layout_map": layout_maps, "expected": mean, "spread": spread}
         with precision(device):
             guess = guess_of(noisy, timesteps, batch.tokens.to(device), cross_attention_kwargs=told).sample
         here = (layout_maps[:, -1].amax(dim=(1, 2)) > NO_LAYOUT_MAP)[:, None, None, None]

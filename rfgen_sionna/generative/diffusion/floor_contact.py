@@ -10,7 +10,16 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion import Skeleton
-from rfgen_sionna.generative.motion.rotations import X, Z, between, normalised, to_matrices, to_quaternions, transpose
+from rfgen_sionna.generative.motion.rotations import (
+    X,
+    Z,
+    between,
+    normalised,
+    same_sign,
+    to_matrices,
+    to_quaternions,
+    transpose,
+)
 from rfgen_sionna.generative.motion.skeleton import (
     FINGERS,
     JOINT,
@@ -73,11 +82,7 @@ def separate_arms_from_trunk(motion: Motion, skeleton: Skeleton) -> Motion:
         wanted = normalised(clear_of_body(seen, skeleton.arm_slope))
         turn = chest @ between(seen * mirror, wanted * mirror) @ transpose(chest)
         local = transpose(world[:, motion.parents[shoulder]]) @ turn @ world[:, shoulder]
-        q = to_quaternions(local)
-        # signs stay continuous
-        rotations[:, shoulder] = q * np.where(
-            np.sum(q * rotations[:, shoulder], axis=-1, keepdims=True) < 0.0, -1.0, 1.0
-        )
+        rotations[:, shoulder] = same_sign(to_quaternions(local), rotations[:, shoulder])
     return replace(motion, rotations=rotations)
 
 
@@ -115,9 +120,7 @@ def keep_hands_above_floor(motion: Motion, skeleton: Skeleton) -> Motion:
         turned = {shoulder: upper @ world[at, shoulder], elbow: fore @ world[at, elbow], wrist: world[at, wrist]}
         above = {shoulder: world[at, motion.parents[shoulder]], elbow: turned[shoulder], wrist: turned[elbow]}
         for joint, rotation in turned.items():
-            q = to_quaternions(transpose(above[joint]) @ rotation)
-            flip = np.sum(q * rotations[at, joint], axis=-1, keepdims=True) < 0.0
-            rotations[at, joint] = np.where(flip, -q, q)
+            rotations[at, joint] = same_sign(to_quaternions(transpose(above[joint]) @ rotation), rotations[at, joint])
     return replace(motion, rotations=rotations)
 
 

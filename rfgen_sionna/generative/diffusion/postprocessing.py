@@ -20,7 +20,7 @@ from rfgen_sionna.generative.diffusion.floor_contact import (
 from rfgen_sionna.generative.diffusion.foot_lock import lock_feet, root_from_feet
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.limits import LIMITS
-from rfgen_sionna.generative.motion.rotations import Z, about
+from rfgen_sionna.generative.motion.rotations import Z, about, same_sign
 from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, SIDES, side_sign
 from rfgen_sionna.records import Motion
 
@@ -117,9 +117,7 @@ def clamp_joint_angles(motion: Motion) -> Motion:
         moved = np.abs(inside - angles).max(axis=1) > 1e-9
         if moved.any():
             fixed = Rotation.from_euler(order, inside[moved], degrees=True).as_quat()
-            # signs stay continuous
-            flip = np.sign(np.sum(fixed * q[moved, j], axis=-1, keepdims=True))
-            q[moved, j] = fixed * np.where(flip == 0.0, 1.0, flip)
+            q[moved, j] = same_sign(fixed, q[moved, j])
 
     for side in SIDES:
         s = side_sign(side)
@@ -145,7 +143,7 @@ def _hinge(q: FloatArray, joint: str, sign: int) -> None:
     if np.abs(over).max() > 1e-9:
         turned = about(Z, -sign * np.radians(over)) @ matrix
         fixed = Rotation.from_matrix(turned).as_quat()
-        q[:, j] = fixed * np.where(np.sum(fixed * q[:, j], axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+        q[:, j] = same_sign(fixed, q[:, j])
 
 
 def _clipped(values: FloatArray, name: str) -> FloatArray:

@@ -4,48 +4,34 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
+# fmt: off
 OPEN_CLAUSES: MappingProxyType[tuple[str, ...], tuple[str, ...]] = MappingProxyType(
     {
         ("left_arm_raised", "right_arm_raised"): (
-            "<raise> one arm",
-            "<raise> an arm",
-            "<lift> one hand[? up]",
-            "<hold> an arm up",
-            "<put> a hand up",
-            "<stretch> one arm upwards",
-            "<raise> a single arm",
+            "<raise> one arm", "<raise> an arm", "<lift> one hand[? up]", "<hold> an arm up", "<put> a hand up",
+            "<stretch> one arm upwards", "<raise> a single arm",
         ),
         ("left_leg_raised", "right_leg_raised"): (
-            "<raise> one leg",
-            "<raise> a leg",
-            "<lift> one foot[? off the ground]",
-            "<stand> on one leg",
-            "<balance> on one foot",
-            "<pull> a knee up",
+            "<raise> one leg", "<raise> a leg", "<lift> one foot[? off the ground]", "<stand> on one leg",
+            "<balance> on one foot", "<pull> a knee up",
         ),
         ("swipe_left", "swipe_right"): (
-            "<swipe>",
-            "<make> a swipe gesture",
-            "<swipe> with the {hand} hand",
-            "<swipe> sideways",
+            "<swipe>", "<make> a swipe gesture", "<swipe> with the {hand} hand", "<swipe> sideways",
             "<sweep> a hand across",
         ),
         ("circle_clockwise", "circle_counterclockwise"): (
-            "<draw> circles",
-            "<draw> a circle in the air",
-            "<move> the {hand} hand in circles",
-            "<circle> the hand",
+            "<draw> circles", "<draw> a circle in the air", "<move> the {hand} hand in circles", "<circle> the hand",
             "<make> a circular gesture",
         ),
         ("push", "pull"): ("<push> or <pull>", "<move> a hand along the line of sight"),
         ("click", "finger_swing"): ("<make> a finger gesture", "<move> the index finger", "<gesture> with one finger"),
         ("left_arm_raised", "right_arm_raised", "left_leg_raised", "right_leg_raised"): (
-            "<raise> a limb",
-            "<lift> one limb",
+            "<raise> a limb", "<lift> one limb",
         ),
         ("jump", "jumping_jacks"): ("<do> a jumping exercise", "<exercise> by jumping"),
     }
 )
+# fmt: on
 """Actions between which a clause does not decide -> clauses."""
 
 FRAGMENTS: MappingProxyType[str, tuple[str, ...]] = MappingProxyType(

@@ -1,4 +1,4 @@
-"""Images of surroundings: rendering furnished places, and models that draw them.
+"""Environment diffusion: image models of surroundings, layout maps of furnished places, path diffusion.
 
-Importing it imports neither torch nor Mitsuba.
+Torch and Mitsuba are loaded at first use, not at import.
 """

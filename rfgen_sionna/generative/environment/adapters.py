@@ -1,4 +1,4 @@
-"""RF LoRA: low-rank additions to the attention of an image model, their files, and which base they belong to."""
+"""RF LoRA: low-rank adapters of an image model's attention, their files, and fingerprints of their bases."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ from torch import Tensor, nn
 
 FORMAT = "rfgen-lora-1"
 WEIGHT_NAME = "pytorch_lora_weights.safetensors"
-"""What diffusers calls such files."""
+"""File name of diffusers."""
 _DOWN = re.compile(r"^(?P<layer>.+?)\.(?:lora_A|lora\.down|processor\.(?P<part>\w+)_lora\.down)(?:\.\w+)?\.weight$")
 
 
 class LoraError(ValueError):
-    """A LoRA can't be read, or belongs to another base."""
+    """A LoRA is unreadable, or belongs to another base."""
 
 
 @dataclass(frozen=True)
 class LoraFacts:
-    """What a LoRA's file tells of itself."""
+    """Metadata of a LoRA file."""
 
     codec: str = "rfgen"
     base: str = ""
-    """Name of the base model it was trained on."""
+    """Name of the base model in training."""
     steps: int = 0
     rate: float = 0.0
     seed: int = 0
     word: str = ""
-    """Word that prompts begin with; empty where there is none."""
+    """First word of prompts, or empty."""
     weights: str = ""
-    """Fingerprint of the base's U-Net; empty where it isn't known."""
+    """Fingerprint of the base's U-Net; empty where unknown."""
 
 
 def find_lora(source: str | Path) -> Path:
-    """The file of a LoRA: itself, the one in a folder, or the one in a repository of the hub.
+    """File of a LoRA: a path, the file in a folder, or in a repository of the hub.
 
     Raises:
-        LoraError: there is none; the message says what was looked for.
+        LoraError: there is none.
     """
     path = Path(source)
     if path.is_file():
@@ -84,7 +84,11 @@ def _from_hub(name: str) -> Path:
 
 
 def read_facts(path: Path) -> LoraFacts:
-    """What a LoRA's file tells of itself. Files not made here draw the authors' images: there are no others yet."""
+    """Metadata of a LoRA file. Files without metadata of this package follow the paper authors' image convention.
+
+    Raises:
+        LoraError: it is no safetensors file.
+    """
     try:
         with safe_open(path, "pt") as file:
             header: dict[str, Any] = json.loads((file.metadata() or {}).get("rfgen", "{}"))
@@ -98,14 +102,14 @@ def read_facts(path: Path) -> LoraFacts:
 
 
 def check_fits(state: dict[str, Tensor], net: nn.Module, name: str, prefix: str = "unet") -> None:
-    """Hold a LoRA's layers (diffusers' names, under `prefix`) against those of its base.
+    """Compare a LoRA's layers (diffusers' names, under `prefix`) with those of its base.
 
     Raises:
-        LoraError: it has layers that the base has not, or of other sizes, or names them in two ways.
+        LoraError: a layer is missing or of another size, its values are not finite, or naming schemes are mixed.
     """
     own = [key for key in state if key.startswith(f"{prefix}.") and _DOWN.match(key[len(prefix) + 1 :])]
     if len({".lora_A." in key for key in own}) > 1:
-        raise LoraError(f"lora: {name} mixes old and new names of layers, of which half would be lost; train it anew")
+        raise LoraError(f"lora: {name} mixes old and new names of layers; train it again")
     modules = dict(net.named_modules())
     checked = 0
     for key, weight in state.items():
@@ -115,7 +119,7 @@ def check_fits(state: dict[str, Tensor], net: nn.Module, name: str, prefix: str 
         if match is None:
             continue
         where = match["layer"]
-        if match["part"]:  # as older files name the layers of an attention
+        if match["part"]:  # older naming
             where += ".to_out.0" if match["part"] == "to_out" else f".{match['part']}"
         layer = modules.get(where)
         if layer is None:
@@ -124,7 +128,7 @@ def check_fits(state: dict[str, Tensor], net: nn.Module, name: str, prefix: str 
             )
         partner = state.get(_up(key))
         if partner is None:
-            raise LoraError(f"lora: {name} is incomplete: {key} has no second half; fetch or train it anew")
+            raise LoraError(f"lora: {name} is incomplete: {key} has no second half; download or train it again")
         there = tuple(_size(layer, side) for side in ("in", "out"))
         if there != (wanted := (weight.shape[1], partner.shape[0])) or partner.shape[1] != weight.shape[0]:
             raise LoraError(
@@ -132,19 +136,19 @@ def check_fits(state: dict[str, Tensor], net: nn.Module, name: str, prefix: str 
                 f"{there[0]} to {there[1]} here; take the LoRA's own base"
             )
         if not (torch.isfinite(weight).all() and torch.isfinite(partner).all()):
-            raise LoraError(f"lora: {name} holds values that are not finite in {where}; its training went astray")
+            raise LoraError(f"lora: {name} holds values that are not finite in {where}; train it again")
         checked += 1
     if not checked:
         raise LoraError(f"lora: {name} holds no LoRA of a U-Net (no layers under {prefix!r})")
 
 
 def _up(key: str) -> str:
-    """Name of the second half of the layer whose first half is named `key`."""
+    """Name of the up-projection that belongs to the down-projection `key`."""
     return key.replace(".lora_A", ".lora_B").replace("lora.down", "lora.up")
 
 
 def _size(layer: nn.Module, side: str) -> int | None:
-    """How many numbers a layer takes ("in") or gives ("out")."""
+    """Number of inputs ("in") or outputs ("out") of a layer."""
     return getattr(layer, f"{side}_features", getattr(layer, f"{side}_channels", None))
 
 
@@ -152,7 +156,7 @@ def load_lora(unet: Any, source: str | Path) -> LoraFacts:
     """Merge a LoRA of the embedded model into its U-Net, in place.
 
     Raises:
-        LoraError: it can't be found or read, or belongs to another base.
+        LoraError: it is missing or unreadable, or belongs to another base.
     """
     path = find_lora(source)
     facts = read_facts(path)
@@ -160,8 +164,8 @@ def load_lora(unet: Any, source: str | Path) -> LoraFacts:
     check_fits(state, unet, path.name)
     if facts.weights and facts.weights != fingerprint(unet):
         raise LoraError(
-            f"lora: {path.name} was trained on another base: the weights of {facts.base!r} were others; take the "
-            "LoRA's own base, or train it anew"
+            f"lora: {path.name} was trained on another base: the weights of {facts.base!r} differ; take the "
+            "LoRA's own base, or train it again"
         )
     layers = {k: v.to(next(unet.parameters()).dtype) for k, v in state.items() if k.startswith("unet.")}
     unet.load_lora_adapter(layers, prefix="unet", adapter_name="rf")
@@ -171,11 +175,11 @@ def load_lora(unet: Any, source: str | Path) -> LoraFacts:
 
 
 def fingerprint(net: torch.nn.Module | None) -> str:
-    """Hash of a network's weights, 16 hexadecimal digits; without a network empty."""
+    """Hash of a network's weights, 16 hexadecimal digits; empty for None."""
     if net is None:
         return ""
-    told = sha256()
+    digest = sha256()
     for name, values in sorted(net.state_dict().items()):
-        told.update(name.encode())
-        told.update(values.detach().cpu().double().numpy().tobytes())
-    return told.hexdigest()[:16]
+        digest.update(name.encode())
+        digest.update(values.detach().cpu().double().numpy().tobytes())
+    return digest.hexdigest()[:16]

@@ -1,8 +1,4 @@
-"""Patches of 4 × 4 pixels as latents: a fixed linear map with the interface of diffusers' autoencoders.
-
-A principal component analysis of the renders' patches loses less than a small trained autoencoder does, costs nothing,
-and its inverse draws surfaces as flat as the latents say. diffusers' pipelines run on it as on any other.
-"""
+"""Autoencoder of 4 × 4 pixel patches: a fixed linear map (principal component analysis) with diffusers' interface."""
 
 from __future__ import annotations
 
@@ -19,13 +15,13 @@ from rfgen_sionna.generative.environment.reprojection import PATCH
 
 
 class ExactLatents:
-    """The latents of an image: what diffusers calls their distribution has no spread here."""
+    """Latents of an image, with the interface of diffusers' latent distribution and no spread."""
 
     def __init__(self, latents: Tensor) -> None:
         self.mean = latents
 
     def sample(self, generator: torch.Generator | None = None) -> Tensor:
-        """The latents, whatever the generator."""
+        """The latents; the generator is ignored."""
         return self.mean
 
     def mode(self) -> Tensor:
@@ -34,15 +30,17 @@ class ExactLatents:
 
 
 class PatchAutoencoder(ModelMixin, ConfigMixin):
-    """Images (n, channels, 64, 64) to latents (n, latents, 16, 16) and back, in single precision whatever comes in: a
-    step of half precision is a tenth of a decibel.
+    """Images (n, channels, 64, 64) to latents (n, latents, 16, 16) and back, always in single precision.
 
     Args:
         in_channels: channels of the images.
-        latent_channels: components kept of each patch.
-        block_out_channels: diffusers counts its entries to learn the patch: 2^(entries − 1) pixels.
-        scaling_factor: latents have unit mean square already.
-        sample_size: edge of the images it was fitted on [pixels].
+        latent_channels: components of each patch.
+        block_out_channels: its length gives the patch, 2^(entries − 1) pixels, as in diffusers.
+        scaling_factor: 1, since latents have unit mean square.
+        sample_size: edge of the fitted images [pixels].
+
+    Raises:
+        ValueError: `block_out_channels` does not give patches of `PATCH` pixels.
     """
 
     @register_to_config
@@ -62,7 +60,7 @@ class PatchAutoencoder(ModelMixin, ConfigMixin):
         self.register_buffer("mean", torch.zeros(size))
         self.register_buffer("components", torch.eye(size)[:, :latent_channels].contiguous())
         self.register_buffer("scale", torch.ones(latent_channels))
-        # ModelMixin asks its parameters for dtype and device.
+        # ModelMixin takes dtype and device from a parameter
         self.anchor = torch.nn.Parameter(torch.zeros(1), requires_grad=False)
 
     mean: Tensor
@@ -70,10 +68,10 @@ class PatchAutoencoder(ModelMixin, ConfigMixin):
     components: Tensor
     """(channels · PATCH², latents) orthonormal columns."""
     scale: Tensor
-    """(latents,) what a latent of 1 stands for along its component."""
+    """(latents,) length of a unit latent along its component."""
 
     def encode(self, x: Tensor, return_dict: bool = True) -> Any:
-        """Latents of images (n, channels, row, column) whose edges are multiples of `PATCH`."""
+        """Latents of images (n, channels, row, column); edges are multiples of `PATCH`."""
         patches = torch.nn.functional.pixel_unshuffle(x.to(self.mean), PATCH).movedim(1, -1)
         latents = ((patches - self.mean) @ self.components / self.scale).movedim(-1, 1)
         exact = ExactLatents(latents)
@@ -86,5 +84,5 @@ class PatchAutoencoder(ModelMixin, ConfigMixin):
         return DecoderOutput(sample=image) if return_dict else (image,)
 
     def forward(self, x: Tensor) -> Any:
-        """What is left of images after encoding and decoding."""
+        """Images after encoding and decoding."""
         return self.decode(self.encode(x).latent_dist.mode())

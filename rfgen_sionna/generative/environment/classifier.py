@@ -1,8 +1,7 @@
-"""A judge of images of surroundings: names the place, and measures how far two sets lie apart.
+"""Classifier of images of surroundings: names the place, and gives features for distances between sets of images.
 
-It is trained on the training split's renders alone, and never on drawn images. It knows how a view is taken, so that it
-sees how high each point lies and what a surface returns at whatever range. A wall looks alike in many rooms: where
-several views of one place are at hand, it may judge them together.
+It is trained on the training split's renders only. Its inputs include the view: height of each point, and level at 1 m.
+Several views of one place may be classified together.
 """
 
 from __future__ import annotations
@@ -21,19 +20,18 @@ from rfgen_sionna.generative.environment.view_unet import view_maps
 from rfgen_sionna.pir.codec import PirCodec
 
 FEATURES = 48
+"""Numbers of an image's feature vector."""
 INPUT_CHANNELS = 6
-"""Numbers of a pixel that a judge looks at."""
+"""Channels of an input image."""
 WIDTHS = (32, 48, 96, 128)
-"""Channels of its four stages."""
+"""Channels of the four stages."""
 LEVEL_DB, SPREAD_DB = -135.0, 15.0
-"""Middle and spread [dB] of levels at 1 m ..."""
+"""Mean and spread [dB] of levels at 1 m, for normalisation."""
 
 
 def classifier_inputs(images: NDArray[np.floating], views: Sequence[ViewFacts], codec: PirCodec) -> Tensor:
-    """(image, SIGHTS, row, column) what a judge looks at, in half precision.
-
-    The channels as they are, how high each point lies, its level if it were at 1 m, and how far the floor lies behind.
-    """
+    """(image, INPUT_CHANNELS, row, column) inputs in half precision: the channels, height, level at 1 m, and range of
+    the floor beyond."""
     parts = []
     for start in range(0, len(images), 256):
         x = torch.from_numpy(images[start : start + 256].astype(np.float32))
@@ -72,13 +70,13 @@ class ClassifierNet(nn.Module):
 
 @dataclass(frozen=True)
 class ImageClassifier:
-    """A trained judge."""
+    """A trained classifier."""
 
     net: ClassifierNet
     codec: PirCodec = field(default_factory=PirCodec)
 
     def classify(self, images: NDArray[np.floating], views: Sequence[ViewFacts]) -> tuple[FloatArray, FloatArray]:
-        """(image, FEATURES) features and (image, class) logarithms of chances of (image, 3, row, column) channels."""
+        """(image, FEATURES) features and (image, class) log probabilities of (image, 3, row, column) channels."""
         features, probabilities = [], []
         with torch.no_grad():
             for start in range(0, len(images), 128):
@@ -103,5 +101,5 @@ class ImageClassifier:
 def untrained_classifier(
     classes: int, codec: PirCodec | None = None, widths: Sequence[int] = WIDTHS
 ) -> ImageClassifier:
-    """A judge of that many classes, such as places, before it has learnt."""
+    """A classifier of that many classes with random weights."""
     return ImageClassifier(ClassifierNet(classes, widths).eval().requires_grad_(False), codec or PirCodec())

@@ -1,9 +1,7 @@
-"""What an image is expected to be, given a sketch, and how far images stray from that.
+"""Conditional prior: expected image for a layout map, and spread of latents about it.
 
-A wall is where its brick is and returns what walls do at that range and incidence; of a tree's brick a part is sky. For
-each kind of thing there is a plane through what training views were, how bright it is in each finish, and the spread of
-each latent on what it covers. A network has to draw how an image differs from this: nothing on most of a wall, much
-where things end.
+For each kind of object: a plane fitted to training views, its brightness in each finish, and the variance of latents.
+The network draws the difference from this expectation.
 """
 
 from __future__ import annotations
@@ -27,19 +25,19 @@ if TYPE_CHECKING:
     from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 
 TERMS = 8
-"""Of the plane: 1, ranges of brick and shell, cosine and its square, levels by range of both, whether there is a
+"""Terms of a plane: 1, ranges of primitive and shell, cosine and its square, levels by range of both, presence of a
 shell."""
 PURE = 0.99
-"""Share of a patch from which it counts as of one kind."""
+"""Least share of one kind in a pure patch."""
 _LEAST_RANGE = 0.3
-"""Range under which levels don't grow any more [m]."""
+"""Range below which levels stop growing [m]; bounds the near field."""
 LEAST_SPREAD = 0.03
-"""Of a latent."""
+"""Least standard deviation of a latent; bounds the normalisation."""
 
 
 @dataclass(frozen=True)
 class LatentPrior:
-    """Of some images, as latents."""
+    """Prior of the latents of some images."""
 
     mean: Tensor
     """(image, latent, row, column)"""
@@ -49,40 +47,40 @@ class LatentPrior:
 
 @dataclass(frozen=True)
 class ConditionalPrior:
-    """What training views were. The first kind is another, or nothing; the others count as in sketches."""
+    """Statistics of training views. The first kind is unknown or empty; the others count as in layout maps."""
 
     planes: FloatArray
-    """(kind, TERMS, 3) to the channels of energy, range and validity."""
+    """(kind, TERMS, 3) coefficients of the channels of energy, range and validity."""
     brighter: FloatArray
-    """(2, 1 + finish, kind) mean and spread, over views, of how much brighter all of a kind is than the plane says, in
-    the channel of energy: whatever its finish, and in each of them."""
+    """(2, 1 + finish, kind) mean and spread, over views, of a kind's brightness above its plane in the channel of
+    energy: for any finish, and for each."""
     within: FloatArray
-    """(kind, latent) variance of latents where a patch shows one kind."""
+    """(kind, latent) variance of latents of pure patches."""
     between: FloatArray
-    """(kind, latent) variance where it shows several."""
+    """(kind, latent) variance of latents of mixed patches."""
     finishes: tuple[str, ...] = ()
     """Names of the finishes."""
 
     def image(
         self, layout_map: NDArray[np.floating], facts: ViewFacts, codec: PirCodec, bright: FloatArray
     ) -> NDArray[np.float32]:
-        """(3, row, column) channels for a sketch (CHANNELS, row, column), with each kind brighter by `bright` (kind,),
-        in the channel of energy."""
+        """(3, row, column) expected channels of a layout map (CHANNELS, row, column), with the energy of each kind
+        raised by `bright` (kind,)."""
         kind = layout_map[-1].astype(np.intp)
         channels = np.einsum("rct,rctk->krc", terms(layout_map.astype(np.float64), facts, codec), self.planes[kind])
         channels[0] += bright[kind]
         return channels.clip(-1.0, 1.0).astype(np.float32)
 
     def rows(self, made_of: Mapping[str, str], things: Sequence[str]) -> NDArray[np.intp]:
-        """(kind,) which row of `brighter` each kind is in, by the names of the first kinds, `things`, and what each is
-        `made_of`; the first where that isn't known."""
+        """(kind,) row of `brighter` of each kind, from the names of kinds, `things`, and their finish, `made_of`; the
+        first row for unknown finishes."""
         known = {name: number for number, name in enumerate(self.finishes, start=1)}
         rows = np.zeros(len(self.planes), np.intp)
         rows[1 : 1 + len(things)] = [known.get(made_of.get(thing, ""), 0) for thing in things]
         return rows
 
     def sample_brightness(self, made_of: Mapping[str, str], things: Sequence[str], seed: int) -> FloatArray:
-        """(kind,) how bright each kind is where things are `made_of` that; what the finish leaves open is drawn."""
+        """(kind,) brightness of each kind for its finish; the remaining spread is drawn from the seed."""
         rng = np.random.default_rng([seed, 109])
         mean, spread = self.brighter[:, self.rows(made_of, things), np.arange(len(self.planes))]
         return np.asarray(mean + spread * np.clip(rng.standard_normal(len(mean)), -2.5, 2.5))
@@ -95,15 +93,15 @@ class ConditionalPrior:
         vae: PatchAutoencoder,
         codec: PirCodec,
     ) -> LatentPrior:
-        """For sketches (image, CHANNELS, row, column) with brightnesses (kind,) each.
+        """Prior of layout maps (image, CHANNELS, row, column) with brightnesses (kind,) each.
 
         Raises:
-            ValueError: one of the images has no sketch.
+            ValueError: an image has no layout map.
         """
         if any((layout_map[-1] == NO_LAYOUT_MAP).all() for layout_map in layout_maps):
-            raise ValueError("sketches: one of the images has none")
-        told = zip(layout_maps, views, bright, strict=True)
-        images = np.stack([self.image(layout_map, facts, codec, own) for layout_map, facts, own in told])
+            raise ValueError("layout_maps: one of the images has none; draw it without the prior")
+        each = zip(layout_maps, views, bright, strict=True)
+        images = np.stack([self.image(layout_map, facts, codec, own) for layout_map, facts, own in each])
         variances = []
         for layout_map in layout_maps:
             shares = shares_of(layout_map[-1], len(self.within))
@@ -117,12 +115,12 @@ class ConditionalPrior:
 
     @property
     def tables(self) -> dict[str, FloatArray]:
-        """Everything, for a file."""
+        """Arrays by name, for a file."""
         return {name: getattr(self, name) for name in _TABLES}
 
     @classmethod
     def from_tables(cls, tables: Mapping[str, FloatArray], finishes: Sequence[str]) -> ConditionalPrior:
-        """From what a file holds."""
+        """From the arrays of a file."""
         return cls(**{name: np.asarray(tables[name], np.float64) for name in _TABLES}, finishes=tuple(finishes))
 
 
@@ -130,7 +128,7 @@ _TABLES = ("planes", "brighter", "within", "between")
 
 
 def shares_of(kind: NDArray[np.floating], kinds: int) -> FloatArray:
-    """(kind, row / PATCH, column / PATCH) share of each patch."""
+    """(kind, row / PATCH, column / PATCH) share of each kind in each patch."""
     rows, columns = kind.shape[0] // PATCH, kind.shape[1] // PATCH
     patches = kind.astype(np.intp).reshape(rows, PATCH, columns, PATCH).swapaxes(1, 2).reshape(rows * columns, PATCH**2)
     index = np.arange(rows * columns)[:, None] * kinds + patches
@@ -139,13 +137,13 @@ def shares_of(kind: NDArray[np.floating], kinds: int) -> FloatArray:
 
 
 def terms(layout_map: FloatArray, facts: ViewFacts, codec: PirCodec) -> FloatArray:
-    """(row, column, TERMS) what planes are laid through, of a sketch (CHANNELS, row, column)."""
+    """(row, column, TERMS) terms of the planes for a layout map (CHANNELS, row, column)."""
     rows, columns = layout_map.shape[1:]
     angle = facts.view((rows, columns)).solid_angles
     low, high = codec.energy_db
 
     def level(channel: FloatArray) -> FloatArray:
-        """Of a surface of 1 per steradian at 1 m, relative to the middle of the convention."""
+        """Level of a surface of 1 per steradian at 1 m, relative to the middle of the convention."""
         reach = np.maximum(codec.distance(channel), _LEAST_RANGE)
         return np.asarray(2.0 / (high - low) * (10 * np.log10(angle) - 20 * np.log10(reach)))
 

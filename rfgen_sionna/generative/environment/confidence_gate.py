@@ -1,10 +1,8 @@
-"""How far drawn gains are believed: an image that lacks nothing should stay as it is.
+"""Confidence gate: share of path diffusion's gains that is applied, so that complete images stay unchanged.
 
-What a path diffusion model draws scatters about any image, complete ones too. A judge learns from the pairs that the
-model learns from to tell what a hurried tracer renders, smooth surfaces of one material without further bounces, from
-what there is. It knows the surfaces, not the things: an image with the right materials that lacks a table looks
-complete to it. Its word, the mean over the frames of a sequence, and a common factor that is fitted on validation pairs
-decide how much of the gains is applied; both travel with the ControlNet.
+A classifier separates images of a fast trace (smooth surfaces of one material, no further bounces) from complete ones.
+Its mean probability over the frames of a sequence, times a factor fitted on validation pairs, scales the gains. It
+judges surfaces, not objects: an image that lacks a table counts as complete.
 """
 
 from __future__ import annotations
@@ -25,30 +23,30 @@ if TYPE_CHECKING:
 
 
 COMPLETE, INCOMPLETE = 0, 1
-"""The judge's classes."""
+"""Classes of the classifier."""
 WIDTHS = (16, 24, 48, 64)
-"""A small judge will do: it tells 97 of 100 validation images."""
+"""Channels of the classifier's four stages; a small one suffices."""
 _SHARES = np.linspace(0.0, 1.0, 51)
+"""Candidate factors of the fit."""
 _LEFT_ALONE = 0.93
-"""By how much complete images may change in the mean [dB]: less than 1 dB is wanted of those that nobody has seen."""
+"""Largest mean change of complete images [dB]; keeps unseen ones below 1 dB."""
 
 
 @dataclass(frozen=True)
 class ConfidenceGate:
-    """The share of drawn gains that is applied."""
+    """Share of the gains that is applied."""
 
     share: float = 1.0
-    """Of the gains on an image that is surely incomplete."""
+    """Share for an image that is certainly incomplete."""
     classifier: ImageClassifier | None = None
-    """Tells incomplete images from complete ones; None believes that all are incomplete."""
+    """Classifier of incomplete images; None counts all as incomplete."""
 
     def __call__(self, images: NDArray[np.floating], views: Sequence[ViewFacts]) -> float:
-        """The share, 0 … 1, of gains that is applied to all frames (frame, 3, row, column) of one view, channels of the
-        codec, with how each is seen."""
+        """Share, 0 … 1, of gains for all frames (frame, 3, row, column) of one view, in the codec's channels."""
         return self.share * float(self.probabilities(images, views).mean())
 
     def probabilities(self, images: NDArray[np.floating], views: Sequence[ViewFacts]) -> FloatArray:
-        """(image,) chances that images (image, 3, row, column) lack something."""
+        """(image,) probabilities that images (image, 3, row, column) are incomplete."""
         if self.classifier is None:
             return np.ones(len(images))
         return np.asarray(np.exp(self.classifier.classify(images, views)[1][:, INCOMPLETE]))
@@ -56,12 +54,12 @@ class ConfidenceGate:
     def fitted(
         self, probabilities: FloatArray, changes: FloatArray, drawn: FloatArray, wanted: FloatArray
     ) -> ConfidenceGate:
-        """With the share that errs least, and leaves complete images alone.
+        """Gate with the share of least error that leaves complete images nearly unchanged.
 
         Args:
-            chances: (2, image) that complete and incomplete images lack something.
-            changes: (image,) mean size of the gains that are drawn for complete images [dB].
-            drawn, wanted: (image, pixel) gains of the incomplete ones [dB]; NaN where a pixel doesn't count.
+            probabilities: (2, image) of complete and incomplete images.
+            changes: (image,) mean magnitude of the gains on complete images [dB].
+            drawn, wanted: (image, pixel) gains of incomplete images [dB]; NaN pixels are ignored.
         """
         sure = probabilities[INCOMPLETE][:, None] * drawn
         both = np.isfinite(sure) & np.isfinite(wanted)
@@ -71,12 +69,12 @@ class ConfidenceGate:
         return ConfidenceGate(min(share, _LEFT_ALONE / max(change, 1e-9)), self.classifier)
 
     def tensors(self) -> dict[str, Tensor]:
-        """The judge's, for a file."""
+        """State of the classifier, for a file."""
         return {} if self.classifier is None else dict(self.classifier.net.state_dict())
 
     @classmethod
     def of(cls, share: float, tensors: dict[str, Tensor]) -> ConfidenceGate:
-        """What a file tells."""
+        """Gate from the contents of a file."""
         if not tensors:
             return cls(share)
         classifier = untrained_classifier(2, widths=WIDTHS)

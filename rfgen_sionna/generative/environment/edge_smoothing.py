@@ -1,8 +1,7 @@
-"""Surfaces of drawn images made as smooth as surfaces are: diffusion that stops at edges.
+"""Edge-preserving smoothing of drawn images (Perona and Malik 1990).
 
-The small model leaves a remainder of its noise on what should be one plane. Level and range are smoothed together, each
-pixel with those neighbours that belong to the same surface by both (Perona and Malik 1990), and by the sketch that the
-image was drawn over; outlines stay.
+Removes residual noise within surfaces. Energy and range are smoothed together, between neighbours of one surface by
+both channels and by the layout map.
 """
 
 from __future__ import annotations
@@ -15,21 +14,22 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray
 
 _TURN, _STEP = 0.15, 0.1
-"""Differences of a sketch's cosines of incidence and of its ranges, in −1 … 1, between neighbours of two surfaces."""
+"""Differences between neighbours of a layout map's cosines of incidence and of its ranges, in −1 … 1, that separate
+surfaces."""
 
 
 @dataclass(frozen=True)
 class EdgePreservingSmoothing:
-    """How far surfaces are smoothed."""
+    """Options of the smoothing."""
 
     rounds: int = 0
-    """0 leaves images as they are."""
+    """Number of diffusion steps; 0 leaves images unchanged."""
     edge: tuple[float, float] = (0.06, 0.04)
-    """Differences of the channels of energy and range between neighbours that count as an edge, in −1 … 1."""
+    """Differences of energy and range between neighbours that count as an edge, in −1 … 1."""
 
     def __call__(self, images: NDArray[np.floating], layout_maps: NDArray[np.floating] | None = None) -> FloatArray:
-        """(…, 3, row, column) channels in −1 … 1, smoothed; where nothing returns stays as it is. `layout_maps` (…,
-        CHANNELS, row, column) tell surfaces apart that look alike: a door in its wall."""
+        """(…, 3, row, column) smoothed channels in −1 … 1; empty pixels stay unchanged. `layout_maps` (…, CHANNELS,
+        row, column) separate further surfaces; None uses the image alone."""
         x = np.array(images, dtype=np.float64)
         there = x[..., 2, :, :] > -2.0 / 3.0
         one = {
@@ -53,12 +53,12 @@ class EdgePreservingSmoothing:
 
 
 def _pairs(there: NDArray[np.bool_], axis: int) -> NDArray[np.bool_]:
-    """Whether something returns in both of neighbouring pixels."""
+    """Whether both of two neighbouring pixels have a return."""
     count = there.shape[axis]
     return np.asarray(np.take(there, range(count - 1), axis=axis) & np.take(there, range(1, count), axis=axis))
 
 
 def _alike(layout_maps: NDArray[np.floating], axis: int) -> NDArray[np.bool_]:
-    """Whether neighbouring pixels of sketches show one surface: of one kind, in one direction, without a step."""
+    """Whether neighbouring pixels of layout maps are on one surface: same kind, same direction, no step."""
     reach, cosine, kind = (np.abs(np.diff(layout_maps[..., channel, :, :], axis=axis)) for channel in (0, 2, -1))
     return np.asarray((kind == 0) & (cosine < _TURN) & (reach < _STEP))

@@ -1,4 +1,4 @@
-"""Environment diffusion: from words to what surroundings return to a radar."""
+"""Environment diffusion: from words to a PIR of surroundings, and a cache of views."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field
 
 ENVIRONMENTS, VIEWS = 32, 16
-"""Most environments, and most views of each, that are kept: 50 MB of images of 64 x 64 pixels."""
+"""Cached environments, and views of each; bounds memory to 50 MB of 64 × 64 images."""
 
 
 @dataclass
 class _CachedEnvironment:
     first: View
-    """How it was seen first, which its layout depends on; remembered as long as any view."""
+    """First view, which decides the layout."""
     views: OrderedDict[View, Pir] = field(default_factory=OrderedDict)
 
 
 class ViewCache:
-    """Views by their environment; each look-up takes the same time, however many are kept.
+    """Cache of views by environment; the least recently used are evicted first.
 
     Parameters
     ----------
     environments, views
-        Most environments, and most views of each.
+        Largest numbers of environments, and of views of each.
     """
 
     def __init__(self, environments: int = ENVIRONMENTS, views: int = VIEWS) -> None:
@@ -49,7 +49,7 @@ class ViewCache:
         self._cache: OrderedDict[Hashable, _CachedEnvironment] = OrderedDict()
 
     def find(self, environment: Hashable, view: View) -> Pir | None:
-        """The image of that view, if it is kept."""
+        """Cached image of a view; None for a miss."""
         known = self._cache.get(environment)
         if known is None or view not in known.views:
             return None
@@ -58,17 +58,17 @@ class ViewCache:
         return known.views[view]
 
     def first(self, environment: Hashable) -> View | None:
-        """How an environment was seen first; None where nothing of it is kept."""
+        """First view of an environment; None for a miss."""
         known = self._cache.get(environment)
         return None if known is None else known.first
 
     def images_of(self, environment: Hashable) -> list[Pir]:
-        """All images of an environment that are kept, the most recently used last."""
+        """All cached images of an environment, the most recently used last."""
         known = self._cache.get(environment)
         return [] if known is None else list(known.views.values())
 
     def add(self, environment: Hashable, pir: Pir) -> None:
-        """Keep an image, and forget what has not been asked for longest where there is no more room."""
+        """Cache an image, and evict the least recently used ones beyond the limits."""
         view = View.of(pir)
         known = self._cache.setdefault(environment, _CachedEnvironment(view))
         known.views[view] = pir
@@ -81,36 +81,43 @@ class ViewCache:
 
 
 _STABLE_DIFFUSION_GUIDANCE = 7.5
-"""What Stable Diffusion is usually drawn with."""
+"""Usual guidance of Stable Diffusion."""
 
 
 class EnvironmentDiffusion:
     """Surroundings imagined from words, as a PIR in physical units.
 
+    The first view of an environment is cached under prompt, negative prompt and seed. Later views reproject it and draw
+    only the unseen parts (:class:`ViewCache`).
+
     Parameters
     ----------
     model
         An environment model: file or folder of `training.environment.train`, a local folder or hub name of a Stable
-        Diffusion base (then `lora` names an RF LoRA for it); None is the one that ships with the package.
+            Diffusion base (then `lora` names its RF LoRA). None takes the shipped model.
     lora
-        RF LoRA on top: a file of `training.environment.lora`, a released one, or a folder or hub name that holds one.
+        RF LoRA: a file of `training.environment.lora`, a released one, or a folder or hub name with one. None adds
+            none.
     device
-        "cpu", "cuda", …; None takes CUDA where there is one.
+        "cpu", "cuda", …; None takes CUDA where available.
     steps, guidance, sampler
-        Of the drawing; few-step samplers ("dpm", "euler") are good from about 8 steps. Guidance None is 1.5, and 7.5
-        with a Stable Diffusion base.
-    sketched
-        Whether to draw over the sketch of a furnished place of that kind (:mod:`.layout_map`), the default with our
-        models; otherwise from words alone. A Stable Diffusion base reads no sketches.
+        Of the drawing; few-step samplers ("dpm", "euler") need about 8 steps. Guidance None takes 1.5, and 7.5 for a
+        Stable Diffusion base.
+    use_layout_map
+        Whether to draw over the layout map of a furnished place (:mod:`.layout_map`), or from words alone. None uses
+        layout maps with the embedded model; a Stable Diffusion base has none.
     half
-        Compute in half precision, which processors with bfloat16 matrix units do twice as fast; None: on CUDA alone.
+        Whether to compute in half precision, twice as fast on processors with bfloat16 matrix units. None does on CUDA
+        only.
     compile
-        Compile the network (CUDA); pays off for many images.
+        Whether to compile the network (CUDA); pays off for many images.
 
-    One environment is imagined once: the first view is kept under prompt, negative prompt and seed, and later views of
-    it show its points from where they stand; only what it didn't show is imagined, around what is known. So many views
-    are kept as :mod:`.kept` says; one that was forgotten is imagined anew, around those of its environment that are
-    left.
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range, or there is no such device.
+    FileNotFoundError, ModelFileError, ModelError, LoraError
+        If model or LoRA are missing or unreadable, or do not fit.
     """
 
     def __init__(
@@ -140,7 +147,7 @@ class EnvironmentDiffusion:
         self._cache = ViewCache()
 
     def without_cache(self) -> EnvironmentDiffusion:
-        """The same model, which has imagined nothing yet."""
+        """The same model with an empty cache."""
         other = copy(self)
         other._cache = ViewCache()
         return other
@@ -158,15 +165,15 @@ class EnvironmentDiffusion:
         seed: int = 0,
         progress: Callable[[int, int], None] | None = None,
     ) -> Pir:
-        """What surroundings return.
+        """PIR of surroundings.
 
-        Energy is |path gain|^2 for isotropic elements, time of arrival NaN where nothing returns, velocity 0. The floor
-        is z = 0.
+        Energy is |path gain|² for isotropic elements; time of arrival is NaN for empty pixels, velocity 0. The floor is
+        z = 0.
 
         Parameters
         ----------
         prompt, negative
-            What the surroundings are ("a living room with a sofa"), and what isn't there.
+            Description of the surroundings ("a living room with a sofa"), and absent objects.
         fov_deg
             Horizontal field of view [degrees] with square pixels, or (horizontal, vertical).
         resolution
@@ -174,22 +181,24 @@ class EnvironmentDiffusion:
         position, orientation
             Viewpoint [m] and its yaw, pitch, roll [rad].
         projection
-            "perspective", or "equirectangular" (azimuth and elevation evenly).
+            "perspective", or "equirectangular" (even steps of azimuth and elevation).
         seed
-            The same prompt, views and seed give the same images; later views depend on those that were asked for
-            before them.
+            Of all random choices. Later views of an environment depend on the earlier ones.
         progress
-            Called with (step, steps).
+            Called with (step, steps); None reports nothing.
 
         Raises
         ------
         ValueError
-            If an argument is out of its range, or a later view stands outside of the room of the first.
+            If an argument is out of its range, or a later view is outside the room of the first.
         PromptError
-            If the words can't be meant so (:func:`~rfgen_sionna.generative.environment.requested_objects.check_words`).
+            If the words contradict each other
+            (:func:`~rfgen_sionna.generative.environment.requested_objects.check_words`).
         DeviceMemoryError
-            If the device's memory doesn't suffice.
+            If the device runs out of memory.
         """
+        from rfgen_sionna.generative.environment.image_sampling import DrawingOptions
+
         (rows, columns), view = _view(resolution, fov_deg, position, orientation, projection)
         self._check(prompt, negative, view)
         check_seed(seed)
@@ -199,9 +208,10 @@ class EnvironmentDiffusion:
             images_of = self._cache.images_of(environment)
             known = known_from_views(images_of, view) if images_of else None
             first = self._cache.first(environment)
-            (pir,) = self._backend.draw([prompt], negative, view, self.sampler, [int(seed)], known, first, progress)
+            options = DrawingOptions(view, self.sampler, negative, known, first, progress)
+            (pir,) = self._backend.draw([prompt], [int(seed)], options)
             for channel in (pir.energy, pir.time_of_arrival, pir.velocity):
-                channel.flags.writeable = False  # it is what the next view is drawn around
+                channel.flags.writeable = False  # cached
             self._cache.add(environment, pir)
         return resize_pir(pir, (rows, columns))
 
@@ -219,11 +229,17 @@ class EnvironmentDiffusion:
         batch: int = 16,
         progress: Callable[[int, int], None] | None = None,
     ) -> list[Pir]:
-        """Many surroundings of one view, drawn `batch` at a time, which costs less for each; none is kept.
+        """PIRs of many surroundings for one view, `batch` at a time, which costs less for each; none is cached.
 
-        The arguments are those of :meth:`generate`, with a seed for each prompt; `progress` is called with
-        (drawn, to be drawn).
+        Arguments as in :meth:`generate`, with a seed for each prompt; `progress` is called with (drawn, total).
+
+        Raises
+        ------
+        TypeError
+            If `prompts` is a string.
         """
+        from rfgen_sionna.generative.environment.image_sampling import DrawingOptions
+
         if isinstance(prompts, str):
             raise TypeError(f"prompts is {prompts!r}: a list of prompts is needed, one for each seed")
         if len(prompts) != len(seeds):
@@ -238,7 +254,7 @@ class EnvironmentDiffusion:
         for start in range(0, len(prompts), max(1, batch)):
             part = slice(start, start + max(1, batch))
             some = [int(seed) for seed in seeds[part]]
-            drawn = self._backend.draw(prompts[part], negative, view, self.sampler, some, None, None, None)
+            drawn = self._backend.draw(prompts[part], some, DrawingOptions(view, self.sampler, negative))
             out += [resize_pir(pir, (rows, columns)) for pir in drawn]
             if progress is not None:
                 progress(len(out), len(prompts))
@@ -258,7 +274,7 @@ def _view(
     orientation: Vector,
     projection: str,
 ) -> tuple[tuple[int, int], View]:
-    """The resolution that is asked for, and the view with the pixels that are drawn."""
+    """The requested resolution, and the view with the model's pixels."""
     shape = check_projection(projection)
     rows, columns, fov = check_view(resolution, fov_deg, shape)
     return (rows, columns), View(NATIVE, fov, vector("position", position), vector("orientation", orientation), shape)

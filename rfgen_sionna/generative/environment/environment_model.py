@@ -1,4 +1,4 @@
-"""The environment model in memory and on disk, and diffusers' own pipelines over it."""
+"""The environment model in memory and on disk."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ FORMAT = "rfgen-environment-3"
 CONTROL_FORMAT = "rfgen-environment-control-3"
 BASE_FILE, CONTROL_FILE = "environment.safetensors", "control.safetensors"
 GATE_PREFIX = "doubt."
+"""Prefix of the gate's tensors in a ControlNet file."""
 LATENT_SIZE = 16
+"""Edge of the latent image."""
 
 
 class ModelFileError(ValueError):
@@ -48,7 +50,7 @@ class UNetShape:
     heads: int = 4
 
     def unet(self) -> ViewUNet:
-        """A network with random weights; attention below full resolution, where the cost is small."""
+        """Network with random weights; attention is below full resolution, where it is cheap."""
         return ViewUNet(
             sample_size=LATENT_SIZE,
             in_channels=self.latents,
@@ -74,50 +76,50 @@ class EnvironmentModel:
     codec: PirCodec
     shape: UNetShape
     facts: dict[str, Any] = field(default_factory=dict)
-    """Seed, steps, hours, data."""
+    """Seed, steps, hours and data of the training."""
     edge_smoothing: EdgePreservingSmoothing = field(default_factory=lambda: EdgePreservingSmoothing(8))
-    """What is done to drawn images."""
+    """Smoothing of drawn images."""
     conditional_prior: ConditionalPrior | None = None
-    """What sketches tell; a model without it draws from words alone."""
+    """Prior for layout maps; None draws from words alone."""
     word: str = ""
-    """Word that prompts begin with, for the sake of an RF LoRA that was merged in."""
+    """First word of prompts, of a merged RF LoRA; or empty."""
     control: ControlNetModel | None = None
     control_facts: dict[str, Any] = field(default_factory=dict)
-    """Of the ControlNet."""
+    """Facts of the ControlNet."""
     confidence_gate: ConfidenceGate | None = None
-    """How far its gains hold; None without a ControlNet."""
+    """Gate of the ControlNet's gains; None without a ControlNet."""
 
     def to(self, device: str | torch.device, dtype: torch.dtype) -> EnvironmentModel:
-        """Moved there, in place; `dtype` is that of the networks."""
+        """Move the networks in place, to precision `dtype`."""
         for part in (self.unet, self.control):
             if part is not None:
-                torch.nn.Module.to(part, device=device, dtype=dtype)  # diffusers' own warns about nothing
+                torch.nn.Module.to(part, device=device, dtype=dtype)  # without diffusers' warning
         torch.nn.Module.to(self.vae, device=device)
         self.text.to(device=device)
         return self
 
 
 def new_control(unet: UNet2DConditionModel) -> ControlNetModel:
-    """An untrained ControlNet of `unet`, which reads images of the full resolution with channels in 0 … 1."""
+    """Untrained ControlNet of `unet` for images of full resolution with channels in 0 … 1."""
     return ControlNetModel.from_unet(unet, conditioning_embedding_out_channels=(16, 32, 96), conditioning_channels=3)
 
 
 class Control(NamedTuple):
-    """A ControlNet's file."""
+    """Contents of a ControlNet file."""
 
     net: ControlNetModel
     facts: dict[str, Any]
-    """Seed, steps, hours, data."""
+    """Seed, steps, hours and data of the training."""
     confidence_gate: ConfidenceGate
-    """How far its gains hold."""
+    """Gate of its gains."""
 
 
 def read_model(path: Path | None = None, control: Path | bool | None = None) -> EnvironmentModel:
-    """Read a model, ready for sampling in single precision on the CPU.
+    """A model, ready for sampling in single precision on the CPU.
 
     Args:
-        path: the model's file or its folder; None is the one that ships with the package.
-        control: file of a ControlNet, or whether the one beside the model is wanted.
+        path: the model's file or folder; None takes the shipped model.
+        control: file of a ControlNet; True takes the one beside the model, None or False none.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -152,17 +154,17 @@ def read_model(path: Path | None = None, control: Path | bool | None = None) -> 
 
 
 def weights_fingerprint(unet: UNet2DConditionModel) -> str:
-    """Fingerprint of a denoising network as its file holds it, in half precision."""
+    """Fingerprint of a denoising network in half precision, as in its file."""
     return fingerprint(deepcopy(unet).half().float())
 
 
 def read_control(path: Path, unet: UNet2DConditionModel, *, any_base: bool = False) -> Control:
-    """The ControlNet of `unet` in a file, or in a folder that diffusers saved, and what its file tells of it.
+    """ControlNet of `unet` from a file, or from a folder of diffusers, with its facts and gate.
 
     Args:
-        path: file or folder; diffusers' folders and files of earlier versions don't tell their base.
+        path: file or folder; diffusers' folders and files of earlier versions do not name their base.
         unet: the base model's.
-        any_base: take one that was trained on other weights of the same shape, too, as a start for training.
+        any_base: whether to accept other weights of the same shape, as a start for training.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -214,5 +216,5 @@ def _read(path: Path, kind: str, what: str) -> tuple[dict[str, Any], dict[str, T
 
 
 def condition_of(channels: np.ndarray) -> Tensor:
-    """(image, 3, row, column) channels in −1 … 1 as a ControlNet reads them: 0 … 1."""
+    """(image, 3, row, column) ControlNet input in 0 … 1, from channels in −1 … 1."""
     return torch.from_numpy(np.ascontiguousarray(0.5 * (channels.astype(np.float32) + 1.0)))

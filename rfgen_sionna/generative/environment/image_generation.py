@@ -1,4 +1,4 @@
-"""Images of surroundings from tokens: from a sketch to a finished picture, as all that draws does it."""
+"""Finished images of surroundings from tokens: layout maps, sampling, smoothing, specular plate returns."""
 
 from __future__ import annotations
 
@@ -22,21 +22,20 @@ from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 
 SPREAD = 0.5
-"""Of the noise over a sketch, against that of the sampler: what it leaves open is less than the network, as it is,
-makes of it."""
+"""Factor on the sampler's noise over a layout map: the network overestimates the remaining variance."""
 
 
 @dataclass(frozen=True)
 class ImageRequest:
-    """One image that is wanted."""
+    """Request for one image."""
 
     wanted: PlaceRequest
     view: View
     seed: int
     first: View | None = None
-    """How the place was seen first, where this is another view of it."""
+    """First view of the place; None for the first view itself."""
     anywhere: bool = False
-    """Whether the radar may stand anywhere in the place, wherever the view says it is."""
+    """Whether the radar may stand anywhere in the place."""
 
     def room(self) -> Room:
         """The place that the image is drawn over."""
@@ -44,7 +43,7 @@ class ImageRequest:
 
 
 def view_facts(view: View) -> ViewFacts:
-    """What a view tells the embedded model; the floor is z = 0."""
+    """Description of a view for the embedded model; the floor is z = 0."""
     yaw, pitch, roll = view.orientation
     return ViewFacts(view.fov_deg, view.position[2], pitch, yaw, roll, view.projection)
 
@@ -56,13 +55,13 @@ def with_layout_maps(
     views: Sequence[ViewFacts],
     bright: Sequence[FloatArray],
 ) -> Conditioning:
-    """The guide with sketches (image, CHANNELS, row, column), whose kinds of things are as `bright` (kind,) as that.
+    """Conditioning with layout maps (image, CHANNELS, row, column) and their prior with brightnesses (kind,) each.
 
     Raises:
-        ModelFileError: the model reads none.
+        ModelFileError: the model reads no layout maps.
     """
     if model.conditional_prior is None:
-        raise ModelFileError("model: it reads no sketches; train one with training.environment.train")
+        raise ModelFileError("model: it reads no layout maps; train one with training.environment.train")
     expected = model.conditional_prior.of(layout_maps, views, bright, model.vae, model.codec)
     return replace(conditioning, layout_map=torch.from_numpy(layout_maps), expected=expected)
 
@@ -79,8 +78,8 @@ def generate_images(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> FloatArray:
-    """(image, 3, row, column) finished images, each over the sketch of its wish, or from words alone where there are no
-    `requests`; the other arguments are those of :func:`sample_images`."""
+    """(image, 3, row, column) finished images, each over the layout map of its request, or from words alone for
+    `requests=None`; the other arguments are those of :func:`sample_images`."""
     conditioning, layout_maps = conditioning or Conditioning(), None
     specular: list[SpecularReturns] = []
     if requests is not None and model.conditional_prior is not None:
@@ -105,7 +104,7 @@ def generate_images(
 
 
 def _with_specular_returns(images: FloatArray, specular: Sequence[SpecularReturns], codec: PirCodec) -> FloatArray:
-    """(image, 3, row, column) channels, no weaker than the flashes of each."""
+    """(image, 3, row, column) channels, at least as strong as the specular plate returns."""
     energy, reach = (np.stack(each) for each in zip(*specular, strict=True))
     specular_return = codec.encode_arrays(energy, 2.0 / SPEED_OF_LIGHT * reach, np.zeros_like(energy), clip=True)
     stronger = (energy > 0) & (images[:, 2] > -2 / 3) & (specular_return[:, 0] > images[:, 0])

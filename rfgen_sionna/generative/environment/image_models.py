@@ -1,4 +1,4 @@
-"""What draws the images: the embedded model, or a Stable Diffusion base with an RF LoRA."""
+"""Backends that draw images: the embedded model, or a Stable Diffusion base with an RF LoRA."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from torch import Tensor
 
 from rfgen_sionna.generative.environment.environment_model import EnvironmentModel, read_model
 from rfgen_sionna.generative.environment.image_generation import ImageRequest, generate_images, view_facts
-from rfgen_sionna.generative.environment.image_sampling import Conditioning, ImageSampler, Progress, noise_like
-from rfgen_sionna.generative.environment.reprojection import NATIVE, KnownView, empty_pir
+from rfgen_sionna.generative.environment.image_sampling import Conditioning, DrawingOptions, noise_like
+from rfgen_sionna.generative.environment.reprojection import NATIVE, empty_pir
 from rfgen_sionna.generative.environment.requested_objects import is_empty
 from rfgen_sionna.generative.environment.room_selection import PlaceRequest
 from rfgen_sionna.generative.environment.torch_device import memory_errors, pick_device, precision
@@ -26,46 +26,34 @@ from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 
 FOV_DEG: dict[Projection, tuple[float, float]] = {"perspective": (15.0, 110.0), "equirectangular": (15.0, 160.0)}
-"""Fields of view that the embedded model draws [degrees]; it was shown 40 … 100 in perspective, and draws narrower ones
-and those that are laid out otherwise over their own sketches as well."""
+"""Fields of view of the embedded model [degrees]. Training views have 40 … 100 in perspective; layout maps extend
+that."""
 
 
 class UnknownThingWarning(UserWarning):
-    """A negative prompt excludes something that the model doesn't know."""
+    """A negative prompt excludes an unknown object."""
 
 
 class UnknownWordsWarning(UserWarning):
-    """A prompt has words that name nothing that a place could have."""
+    """Words of a prompt have no meaning for a place."""
 
 
 class AbsentThingWarning(UserWarning):
-    """A prompt asks for something that such places don't have."""
+    """A prompt names an object that the drawn place lacks."""
 
 
 class UnknownPlaceWarning(UserWarning):
-    """A prompt names no place that the model knows."""
+    """A prompt names no known place."""
 
 
 class ImageModel(Protocol):
-    """Something that draws PIRs."""
+    """Backend that draws PIRs."""
 
     def check_view(self, view: View) -> None:
-        """Refuse views that can't be drawn, with a ValueError."""
-        ...
+        """Raise a ValueError for views that the backend cannot draw."""
 
-    def draw(
-        self,
-        prompts: Sequence[str],
-        negative: str,
-        view: View,
-        sampler: ImageSampler,
-        seeds: Sequence[int],
-        known: KnownView | None,
-        first: View | None,
-        progress: Progress | None,
-    ) -> list[Pir]:
-        """Static PIRs of `view`, one for each prompt and seed; `first` is how their place was seen first, if it was."""
-        ...
+    def draw(self, prompts: Sequence[str], seeds: Sequence[int], options: DrawingOptions) -> list[Pir]:
+        """Static PIRs of one view, one for each prompt and seed."""
 
 
 def load_image_model(
@@ -77,13 +65,15 @@ def load_image_model(
     half: bool | None = None,
     compiled: bool = False,
 ) -> ImageModel:
-    """The backend of a model; see
+    """Backend of a model; see
     :class:`~rfgen_sionna.generative.environment.environment_diffusion.EnvironmentDiffusion`."""
     if model is not None and not is_embedded(Path(model)):
         from rfgen_sionna.generative.environment.stable_diffusion import StableDiffusionModel
 
         if use_layout_map:
-            raise ValueError(f"sketched: {use_layout_map!r}; a Stable Diffusion base reads no sketches, leave it out")
+            raise ValueError(
+                f"use_layout_map: {use_layout_map!r}; a Stable Diffusion base has no layout maps, leave it out"
+            )
         return StableDiffusionModel(str(model), lora, pick_device(device), half=half, compiled=compiled)
     own = load_embedded(model, lora, device, half=half, compiled=compiled)
     return EmbeddedImageModel(own, use_layout_map is None or use_layout_map)
@@ -98,7 +88,7 @@ def load_embedded(
     half: bool | None = None,
     compiled: bool = False,
 ) -> EnvironmentModel:
-    """An environment model on its device, with its LoRA merged in."""
+    """An environment model on its device, with its LoRA merged."""
     place = pick_device(device)
     own = read_model(None if model is None else Path(model), control)
     if lora is not None:
@@ -115,14 +105,14 @@ def load_embedded(
 
 
 class EmbeddedImageModel:
-    """Draws with our own model."""
+    """Backend of the embedded model."""
 
     def __init__(self, model: EnvironmentModel, use_layout_map: bool = True) -> None:
         self.model, self.use_layout_map = model, use_layout_map
         self.scheduler = make_scheduler()
 
     def check_view(self, view: View) -> None:
-        """Refuse fields of view that it was never shown."""
+        """Raise a ValueError for fields of view out of range."""
         low, high = FOV_DEG[view.projection]
         for name, angle in zip(("horizontal", "vertical"), view.fov_deg, strict=True):
             if not low <= angle <= high:
@@ -135,7 +125,7 @@ class EmbeddedImageModel:
                 )
 
     def tokens(self, prompt: str, negative: str, view: View) -> tuple[Tensor, Tensor]:
-        """(1, token, WIDTH) what is wanted, and what guidance leads away from."""
+        """(1, token, WIDTH) tokens of the prompt, and of the negative prompt for guidance."""
         text = self.model.text
         if not text.read(prompt).places:
             warnings.warn(
@@ -148,26 +138,22 @@ class EmbeddedImageModel:
         words = f"{self.model.word} {prompt}".strip()
         return text.embed([words], facts), text.embed([negative], facts)
 
-    def draw(
-        self,
-        prompts: Sequence[str],
-        negative: str,
-        view: View,
-        sampler: ImageSampler,
-        seeds: Sequence[int],
-        known: KnownView | None,
-        first: View | None,
-        progress: Progress | None,
-    ) -> list[Pir]:
-        """Static PIRs of `view`, one for each prompt and seed."""
-        told = [self.tokens(prompt, negative, view) for prompt in prompts]
-        tokens, against = (torch.cat(parts) for parts in zip(*told, strict=True))
+    def draw(self, prompts: Sequence[str], seeds: Sequence[int], options: DrawingOptions) -> list[Pir]:
+        """Static PIRs of one view, one for each prompt and seed.
+
+        Raises:
+            ValueError: the view is outside the room of the first view.
+        """
+        view, sampler, negative = options.view, options.sampler, options.negative
+        known, first, progress = options.known, options.first, options.progress
+        each = [self.tokens(prompt, negative, view) for prompt in prompts]
+        tokens, against = (torch.cat(parts) for parts in zip(*each, strict=True))
         conditioning = None
         if known is not None:
             latents, keep = self.encode(known.pir), torch.from_numpy(known.patches)[None, None]
             conditioning = Conditioning(known=latents.repeat(len(prompts), 1, 1, 1), keep=keep)
         noise = torch.cat([noise_like(1, self.model, seed) for seed in seeds])
-        wishes = None
+        requests = None
         if self.use_layout_map:
             denied = self.model.text.read(negative)
             if denied.rest:
@@ -178,21 +164,21 @@ class EmbeddedImageModel:
                     stacklevel=3,
                 )
             wanted = [self.wanted(prompt, denied.things) for prompt in prompts]
-            wishes = [ImageRequest(request, view, seed, first) for request, seed in zip(wanted, seeds, strict=True)]
+            requests = [ImageRequest(request, view, seed, first) for request, seed in zip(wanted, seeds, strict=True)]
             if first is None:
-                for prompt, request in zip(prompts, wishes, strict=True):
+                for prompt, request in zip(prompts, requests, strict=True):
                     self._warn_of_absent(prompt, request)
             else:
-                for request in wishes:
+                for request in requests:
                     request.room().check(view)
         drawn = generate_images(
-            self.model, self.scheduler, sampler, wishes, tokens, against, noise, conditioning, progress=progress
+            self.model, self.scheduler, sampler, requests, tokens, against, noise, conditioning, progress=progress
         )
         like = empty_pir(view, np.zeros(NATIVE), np.zeros(NATIVE))
         return [replace(self.model.codec.decode(image, like), velocity=np.zeros(NATIVE)) for image in drawn]
 
     def wanted(self, prompt: str, without: tuple[str, ...]) -> PlaceRequest:
-        """What a prompt asks of a place that is without some kinds of things."""
+        """Requested place, objects and surfaces of a prompt, `without` some kinds."""
         text = self.model.text
         place, _ = text.place_of(prompt)
         said = text.read(prompt)
@@ -203,9 +189,9 @@ class EmbeddedImageModel:
         return replace(wanted, without=(*without, *(kind for kind in LOOSE if not wanted.wants(kind))))
 
     def _warn_of_absent(self, prompt: str, request: ImageRequest) -> None:
-        """Warn of what the prompt asks for and the place that is drawn does not have, or not in view."""
+        """Warn of requested objects that the drawn place or the view lacks."""
         room, read = request.room(), self.model.text.read(prompt)
-        if read.places and read.lost:  # without a place the words have been told of as a whole
+        if read.places and read.lost:  # otherwise UnknownPlaceWarning
             warnings.warn(
                 f"environment prompt {prompt!r}: {', '.join(map(repr, read.lost))} names no place, no furniture and no "
                 "surface that is known, and hardly changes the drawing",
@@ -219,8 +205,7 @@ class EmbeddedImageModel:
         ]
         if otherwise:
             warnings.warn(
-                f"environment prompt {prompt!r}: of the layouts that were looked at none that suits has "
-                f"{', '.join(map(repr, otherwise))}",
+                f"environment prompt {prompt!r}: no suitable layout has {', '.join(map(repr, otherwise))}",
                 AbsentThingWarning,
                 stacklevel=4,
             )
@@ -229,7 +214,7 @@ class EmbeddedImageModel:
             absent = [said for said, met in zip(words, request.wanted.met(kinds), strict=True) if not met]
             if absent:
                 warnings.warn(
-                    f"environment prompt {prompt!r}: of the layouts that were looked at none that suits {where} "
+                    f"environment prompt {prompt!r}: no suitable layout {where} "
                     f"{', '.join(map(repr, absent))}{' in this view' * (where == 'shows')}; the words alone hardly "
                     "change the drawing",
                     AbsentThingWarning,
@@ -238,7 +223,7 @@ class EmbeddedImageModel:
                 return
 
     def encode(self, pir: Pir) -> Tensor:
-        """(1, latent, row, column) of a PIR; what is beyond the convention's range is held at its ends."""
+        """(1, latent, row, column) latents of a PIR; values are clipped to the convention's range."""
         image = torch.from_numpy(self.model.codec.encode(pir, clip=True))[None]
         vae = self.model.vae
         with torch.no_grad(), memory_errors(str(vae.device)):
@@ -247,7 +232,7 @@ class EmbeddedImageModel:
 
 
 def is_embedded(path: Path) -> bool:
-    """Whether a name is a file or a folder of ours: not a folder or a hub name of a diffusers pipeline."""
+    """Whether a path is a file or folder of an embedded model, not of a diffusers pipeline."""
     if path.suffix == ".safetensors":
         return True
     return path.is_dir() and not (path / "model_index.json").is_file()

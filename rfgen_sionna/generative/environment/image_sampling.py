@@ -1,8 +1,4 @@
-"""From noise to images: the reverse process, without the import cost of whole pipelines.
-
-The same steps as diffusers' pipelines take (a test holds one against the other), with what they don't offer: known
-patches that stay, and an image to start from together with a ControlNet.
-"""
+"""Reverse process of images: diffusers' steps, with known patches, and a start image beside a ControlNet."""
 
 from __future__ import annotations
 
@@ -18,29 +14,30 @@ from torch import Tensor
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.conditional_prior import LatentPrior
 from rfgen_sionna.generative.environment.environment_model import LATENT_SIZE, EnvironmentModel
+from rfgen_sionna.generative.environment.reprojection import KnownView
 from rfgen_sionna.generative.environment.torch_device import memory_errors
+from rfgen_sionna.pir.view import View
 
 Progress = Callable[[int, int], None]
-"""Called with (steps done, steps)."""
+"""Called with (step, steps)."""
 
 SAMPLERS = ("ddim", "dpm", "euler")
 MOST_STEPS = 1000
-"""The forward process has no more."""
+"""Steps of the forward process."""
 
 
 @dataclass(frozen=True)
 class ImageSampler:
-    """How images are drawn."""
+    """Options of the reverse process."""
 
     kind: str = "ddim"
     """"ddim", or the few-step samplers "dpm" (DPM-Solver++ of second order) and "euler"."""
     steps: int = 20
     guidance: float = 1.5
-    """How far the prompt is followed beyond what it asks for; 1 halves the work and is the model's own spread."""
+    """Weight of the prompt; 1 halves the cost and keeps the model's own spread."""
 
     spread: float = 1.0
-    """Standard deviation of the noise that images are drawn from. Below 1 they vary less and keep closer to what their
-    words and their view say on average."""
+    """Standard deviation of the initial noise; below 1 images vary less."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.spread <= 1.5:
@@ -53,7 +50,7 @@ class ImageSampler:
             raise ValueError(f"guidance: {self.guidance!r}; 1 … 20 are allowed")
 
     def scheduler(self, base: Any) -> Any:
-        """A scheduler of diffusers of this kind with the forward process of `base`."""
+        """Scheduler of diffusers of this kind with the forward process of `base`."""
         from diffusers import DDIMScheduler, DPMSolverMultistepScheduler, EulerDiscreteScheduler
 
         if self.kind == "ddim":
@@ -66,27 +63,43 @@ class ImageSampler:
 
 
 @dataclass(frozen=True)
+class DrawingOptions:
+    """Options of :meth:`~rfgen_sionna.generative.environment.image_models.ImageModel.draw`, common to its images."""
+
+    view: View
+    sampler: ImageSampler
+    negative: str = ""
+    """Absent objects."""
+    known: KnownView | None = None
+    """Reprojection of earlier views; None draws the whole view."""
+    first: View | None = None
+    """First view of the place; None for a new place."""
+    progress: Progress | None = None
+    """None reports nothing."""
+
+
+@dataclass(frozen=True)
 class Conditioning:
-    """What steers a drawing beside its words."""
+    """Conditions of a drawing beside its words; None leaves a condition out."""
 
     control: Tensor | None = None
     """(image, 3, row, column) in 0 … 1 for the ControlNet."""
     start: Tensor | None = None
-    """(image, latent, row, column) to start from instead of noise alone."""
+    """(image, latent, row, column) start image."""
     strength: float = 1.0
-    """How much of the schedule is run from `start`: 0 leaves it, 1 keeps nothing of it but what the control says."""
+    """Share of the schedule that runs from `start`: 0 leaves it unchanged, 1 keeps none of it."""
     known: Tensor | None = None
-    """(image, latent, row, column) latents of which those under `keep` stay."""
+    """(image, latent, row, column) latents that stay under `keep`."""
     keep: Tensor | None = None
-    """(image, 1, row, column) whether a patch is known."""
+    """(image, 1, row, column) mask of known patches."""
     expected: LatentPrior | None = None
-    """What the images are expected to be before they are drawn."""
+    """Prior of the latents."""
     layout_map: Tensor | None = None
-    """(image, CHANNELS, row, column) of :mod:`.layout_map`, if that is why."""
+    """(image, CHANNELS, row, column) of :mod:`.layout_map`, with its prior in `expected`."""
 
 
 def noise_like(count: int, model: EnvironmentModel, seed: int) -> Tensor:
-    """(count, latent, row, column) noise; the first images don't depend on how many there are."""
+    """(count, latent, row, column) noise; its first images are independent of `count`."""
     shape = (model.shape.latents, LATENT_SIZE, LATENT_SIZE)
     drawn = [
         torch.randn(shape, generator=torch.Generator().manual_seed(int(s.generate_state(1)[0])))
@@ -110,81 +123,68 @@ def sample_images(
 
     Args:
         model: the model, on its device.
-        scheduler: the forward process, of diffusers; it is not changed.
-        sampler: how to draw.
-        tokens, against: (image, token, WIDTH) what is wanted, and what guidance leads away from.
+        scheduler: forward process, of diffusers; stays unchanged.
+        sampler: options of the reverse process.
+        tokens, against: (image, token, WIDTH) of the prompts, and of the negative prompts for guidance.
         noise: (image, latent, row, column).
-        guide: what else steers.
-        progress: called with (step, steps).
+        conditioning: further conditions; None has none.
+        progress: called with (step, steps); None reports nothing.
 
     Raises:
-        DeviceMemoryError: the device's memory doesn't suffice.
+        DeviceMemoryError: the device runs out of memory.
     """
     conditioning = conditioning or Conditioning()
     with memory_errors(str(model.unet.device)):
-        return _sample_images(model, scheduler, sampler, tokens, against, noise, conditioning, progress)
-
-
-def _sample_images(
-    model: EnvironmentModel,
-    scheduler: Any,
-    sampler: ImageSampler,
-    tokens: Tensor,
-    against: Tensor,
-    noise: Tensor,
-    conditioning: Conditioning,
-    progress: Callable[[int, int], None] | None,
-) -> FloatArray:
-    device, dtype = model.unet.device, model.unet.dtype
-    walk = sampler.scheduler(scheduler)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # how the schedulers hand tensors to NumPy 2
-        walk.set_timesteps(sampler.steps, device=device)
-    times = walk.timesteps
-    noise = sampler.spread * noise.to(device, torch.float32)
-    start, known = (
-        None if x is None else x.to(device, torch.float32) for x in (conditioning.start, conditioning.known)
-    )
-    keep = None if conditioning.keep is None else conditioning.keep.to(device, torch.bool)
-    if start is not None:
-        run = min(int(sampler.steps * conditioning.strength), sampler.steps)
-        if run == 0:
-            return model.vae.decode(start).sample.float().clamp(-1, 1).double().cpu().numpy()
-        times = times[sampler.steps - run :]
-        if hasattr(walk, "set_begin_index"):
-            walk.set_begin_index(sampler.steps - run)
-        x = walk.add_noise(start, noise, times[:1].repeat(len(start)))
-    else:
-        x = noise * walk.init_noise_sigma
-    guided = sampler.guidance > 1.0
-    text = (torch.cat([against, tokens]) if guided else tokens).to(device, dtype)
-    control = None if conditioning.control is None else conditioning.control.to(device, dtype)
-    if control is not None and guided:
-        control = torch.cat([control, control])
-    more: dict[str, Any] = {}
-    if conditioning.expected is not None:
-        told = {"expected": conditioning.expected.mean, "spread": conditioning.expected.spread}
-        if conditioning.layout_map is not None:
-            told["sketch"] = conditioning.layout_map
-        more["cross_attention_kwargs"] = {name: x.to(device, torch.float32) for name, x in told.items()}
-    for number, time in enumerate(times):
+        device, dtype = model.unet.device, model.unet.dtype
+        walk = sampler.scheduler(scheduler)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # schedulers with NumPy 2
+            walk.set_timesteps(sampler.steps, device=device)
+        times = walk.timesteps
+        noise = sampler.spread * noise.to(device, torch.float32)
+        start, known = (
+            None if x is None else x.to(device, torch.float32) for x in (conditioning.start, conditioning.known)
+        )
+        keep = None if conditioning.keep is None else conditioning.keep.to(device, torch.bool)
+        if start is not None:
+            run = min(int(sampler.steps * conditioning.strength), sampler.steps)
+            if run == 0:
+                return model.vae.decode(start).sample.float().clamp(-1, 1).double().cpu().numpy()
+            times = times[sampler.steps - run :]
+            if hasattr(walk, "set_begin_index"):
+                walk.set_begin_index(sampler.steps - run)
+            x = walk.add_noise(start, noise, times[:1].repeat(len(start)))
+        else:
+            x = noise * walk.init_noise_sigma
+        guided = sampler.guidance > 1.0
+        text = (torch.cat([against, tokens]) if guided else tokens).to(device, dtype)
+        control = None if conditioning.control is None else conditioning.control.to(device, dtype)
+        if control is not None and guided:
+            control = torch.cat([control, control])
+        more: dict[str, Any] = {}
+        if conditioning.expected is not None:
+            prior = {"expected": conditioning.expected.mean, "spread": conditioning.expected.spread}
+            if conditioning.layout_map is not None:
+                prior["layout_map"] = conditioning.layout_map
+            more["cross_attention_kwargs"] = {name: x.to(device, torch.float32) for name, x in prior.items()}
+        for number, time in enumerate(times):
+            if known is not None and keep is not None:
+                x = torch.where(keep, walk.add_noise(known, noise, time[None].repeat(len(x))), x)
+            fed = walk.scale_model_input(torch.cat([x, x]) if guided else x, time).to(dtype)
+            extra = dict(more)
+            if control is not None and model.control is not None:
+                down, middle = model.control(
+                    fed, time, encoder_hidden_states=text, controlnet_cond=control, return_dict=False
+                )
+                extra |= {"down_block_additional_residuals": down, "mid_block_additional_residual": middle}
+            guess = model.unet(fed, time, encoder_hidden_states=text, **extra).sample.float()
+            if guided:
+                away, wanted = guess.chunk(2)
+                guess = away + sampler.guidance * (wanted - away)
+            x = walk.step(guess, time, x).prev_sample
+            if progress is not None:
+                progress(number + 1, len(times))
         if known is not None and keep is not None:
-            x = torch.where(keep, walk.add_noise(known, noise, time[None].repeat(len(x))), x)
-        fed = walk.scale_model_input(torch.cat([x, x]) if guided else x, time).to(dtype)
-        extra = dict(more)
-        if control is not None and model.control is not None:
-            down, middle = model.control(
-                fed, time, encoder_hidden_states=text, controlnet_cond=control, return_dict=False
-            )
-            extra |= {"down_block_additional_residuals": down, "mid_block_additional_residual": middle}
-        guess = model.unet(fed, time, encoder_hidden_states=text, **extra).sample.float()
-        if guided:
-            away, wanted = guess.chunk(2)
-            guess = away + sampler.guidance * (wanted - away)
-        x = walk.step(guess, time, x).prev_sample
-        if progress is not None:
-            progress(number + 1, len(times))
-    if known is not None and keep is not None:
-        x = torch.where(keep, known, x)
-    image = model.vae.decode(x).sample
-    return image.float().clamp(-1, 1).double().cpu().numpy()
+            x = torch.where(keep, known, x)
+        image = model.vae.decode(x).sample
+        return image.float().clamp(-1, 1).double().cpu().numpy()

@@ -1,10 +1,8 @@
-"""Sketches: a furnished place built of bricks, seen as an image is, for the network to paint over.
+"""Layout maps: images of a furnished place built of primitives, input of the network.
 
-A small network learns what a sofa or a hedge returns sooner than where one stands, that walls are flat, and how a room
-looks from elsewhere. So the furnishing of :mod:`rfgen_sionna.scene.furnished` decides where things stand, and each is
-built of a few bricks (:mod:`.primitives`). What the network is told of a pixel is the brick in front of it: range,
-incidence, where on the piece, of which kind; and how far floor and walls lie. Surfaces, glints of what isn't flat, and
-what is too small for a brick are the network's.
+:mod:`rfgen_sionna.scene.furnished` places the furniture, and :mod:`.primitives` builds it. A pixel holds the primitive
+in front: range, incidence, place on the object, kind; and the range of floor and walls. The network adds surfaces,
+returns of bent surfaces and small objects.
 """
 
 from __future__ import annotations
@@ -21,16 +19,16 @@ from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 
 CHANNELS = 7
-"""Range and range of the shell as :class:`PirCodec` has them, cosine of incidence, three coordinates on the piece in
--1 … 1, and the number of the kind."""
+"""Range and range of the shell as in :class:`PirCodec`, cosine of incidence, three coordinates on the object in −1 … 1,
+and number of the kind."""
 NO_LAYOUT_MAP = -1.0
-"""Value of the last channel all over an image that has no sketch."""
+"""Last channel of an image without a layout map."""
 _BLOCK = 64
-"""Pieces that are cast at once: memory stays small."""
+"""Objects per batch of rays; bounds memory."""
 
 
 def render_layout_map(place: PrimitiveScene, view: View) -> LayoutMap:
-    """What a view shows of a place of bricks. A brick around the viewpoint is not seen."""
+    """Layout map of a view. A primitive around the viewpoint is invisible."""
     rays = view.directions.reshape(-1, 3)
     nearest, behind = np.full(len(rays), np.inf), np.full(len(rays), np.inf)
     facing, front = np.zeros(len(rays)), np.full(len(rays), -1, np.intp)
@@ -67,21 +65,21 @@ def render_layout_map(place: PrimitiveScene, view: View) -> LayoutMap:
 
 @dataclass(frozen=True)
 class LayoutMap:
-    """A place of bricks as a view shows it, (row, column)."""
+    """Layout map of a view, (row, column)."""
 
     range: FloatArray
-    """[m]; NaN where there is nothing."""
+    """[m]; NaN for empty pixels."""
     shell: FloatArray
-    """Range of floor, walls and openings alone [m]; NaN where there are none."""
+    """Range of floor, walls and openings [m]; NaN without them."""
     cosine: FloatArray
-    """Of the incidence."""
+    """Cosine of the angle of incidence."""
     place: FloatArray
-    """(row, column, 3) where on a piece of furniture, along its own axes from -1 to 1. 0 elsewhere."""
+    """(row, column, 3) coordinates on a piece of furniture, along its axes, −1 … 1; 0 elsewhere."""
     piece: NDArray[np.integer]
-    """Which one of the place; -1 is none."""
+    """Index of the object in the place; −1 for none."""
 
     def kinds(self, place: PrimitiveScene, share: float = 0.004) -> list[str]:
-        """What fills at least a share of the view, the largest first."""
+        """Kinds that fill at least a share of the view, the largest first."""
         index, count = np.unique(self.piece[self.piece >= 0], return_counts=True)
         total: dict[str, int] = {}
         for which, pixels in zip(index.tolist(), count.tolist(), strict=True):
@@ -90,7 +88,7 @@ class LayoutMap:
         return [kind for kind in ordered if total[kind] >= share * self.piece.size]
 
     def channels(self, place: PrimitiveScene, known: Sequence[str], codec: PirCodec) -> NDArray[np.float32]:
-        """(CHANNELS, row, column) as a network is given it that knows some kinds; see :func:`encode_layout_map`."""
+        """(CHANNELS, row, column) input of a network with `known` kinds; see :func:`encode_layout_map`."""
         kind = kind_numbers(place.kinds, known)[self.piece]
         return encode_layout_map(
             self.range, self.shell, self.cosine, self.place, np.where(self.piece < 0, 0, kind), codec
@@ -98,7 +96,7 @@ class LayoutMap:
 
 
 def kind_numbers(kinds: Sequence[str], known: Sequence[str]) -> NDArray[np.integer]:
-    """What each of `kinds` counts as for a network: from 1 in the order of those that it knows, 0 for others."""
+    """Numbers of `kinds` in a network: from 1 in the order of `known`, 0 for others."""
     table = {name: number for number, name in enumerate(known, start=1)}
     return np.array([table.get(kind, 0) for kind in kinds], dtype=np.int64)
 
@@ -111,8 +109,7 @@ def encode_layout_map(
     kind: NDArray[np.integer],
     codec: PirCodec,
 ) -> NDArray[np.float32]:
-    """(…, CHANNELS, row, column) from the fields of a :class:`LayoutMap` and the numbers of the kinds (…, row,
-    column)."""
+    """(…, CHANNELS, row, column) from the fields of a :class:`LayoutMap` and numbers of the kinds (…, row, column)."""
     one, two = (
         codec.encode_arrays(np.isfinite(x), 2 / SPEED_OF_LIGHT * x, np.zeros(x.shape), clip=True)[..., 1, :, :]
         for x in (np.asarray(reach, np.float64), np.asarray(shell, np.float64))
@@ -121,7 +118,7 @@ def encode_layout_map(
 
 
 def mirrored(layout_map: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Of the images (…, CHANNELS, row, column) whose columns are swapped."""
+    """Layout maps (…, CHANNELS, row, column) with reversed columns."""
     out = np.array(layout_map[..., ::-1])
     out[..., 3, :, :] *= -1.0
     return out

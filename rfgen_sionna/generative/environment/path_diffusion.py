@@ -1,4 +1,4 @@
-"""Path diffusion: what a tracer left out of an image, as gains on what is there and energy where nothing was."""
+"""Path diffusion: completes traced images by gains on existing energy and by new energy in empty pixels."""
 
 from __future__ import annotations
 
@@ -34,27 +34,29 @@ from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 
 STEPS, GUIDANCE, SAMPLES = 2, 1.0, 6
-"""Of the default drawing: few steps and the mean of a few samples err least."""
+"""Default drawing: few steps and the mean of a few samples have the least error."""
 MOST_GAIN_DB = 15.0
-"""By how much existing energy is raised or lowered at most."""
+"""Largest change of existing energy."""
 CHANGED_DB, CHANGED_RANGE = 3.0, 0.3
-"""What a pixel's level and range [m] may do from frame to frame and still count as standing still."""
+"""Changes of a pixel's level and range [m] between frames below which it is static."""
 _FILLED = ImageSampler("ddim", 10, 1.0)
-"""How what lacks a return is drawn."""
+"""Sampler for empty pixels."""
 _BATCH = 32
+"""Drawings at once; bounds memory."""
 _FLOOR_DB = -300.0
+"""Level of no energy."""
 
 
 @dataclass(frozen=True)
 class _FrameEstimate:
-    """What the model makes of one frame, at its own resolution."""
+    """The model's estimate for one frame, at its own resolution."""
 
     gain: FloatArray
-    """(row, column) [dB]; 0 where nothing was."""
+    """(row, column) [dB]; 0 for empty pixels."""
     level: FloatArray
-    """(row, column) energy [dB] that is new, `_FLOOR_DB` where none is."""
+    """(row, column) new energy [dB]; `_FLOOR_DB` for none."""
     arrival: FloatArray
-    """(row, column) [s] of the new energy."""
+    """(row, column) time of arrival of the new energy [s]."""
 
 
 class PathDiffusion:
@@ -63,21 +65,28 @@ class PathDiffusion:
     Parameters
     ----------
     model, control
-        The environment model and its ControlNet, files or folders; None are those that ship with the package.
+        The environment model and its ControlNet, files or folders; None takes the shipped ones.
     lora
-        RF LoRA of the environment model.
+        RF LoRA of the environment model; None adds none.
     device
-        "cpu", "cuda", …; None takes CUDA where there is one.
+        "cpu", "cuda", …; None takes CUDA where available.
     steps, guidance, sampler
-        Of the drawing. With guidance 1 negative prompts have no effect, so where one is given at least 1.5 is taken.
+        Of the drawing. With a negative prompt guidance is at least 1.5, since it has no effect at 1.
     samples
         Drawings that are averaged.
     most_gain_db
-        Existing energy changes by no more.
+        Largest change of existing energy.
     judged
-        Whether images that look complete are left alone; False applies all gains to whatever image.
+        Whether the confidence gate leaves complete images unchanged; False applies all gains.
     half, compile
         As in :class:`~rfgen_sionna.generative.environment.environment_diffusion.EnvironmentDiffusion`.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range, or there is no such device.
+    FileNotFoundError, ModelFileError, LoraError
+        If a file is missing or unreadable, or does not fit the model.
     """
 
     def __init__(
@@ -108,11 +117,11 @@ class PathDiffusion:
         self.samples, self.most_gain_db = samples, most_gain_db
         known = own.confidence_gate or ConfidenceGate()
         self.confidence_gate = known if judged else ConfidenceGate(known.share)
-        strays = own.control_facts.get("spread")
-        self.spread = None if strays is None else torch.tensor(strays)[:, None, None]
+        spread = own.control_facts.get("spread")
+        self.spread = None if spread is None else torch.tensor(spread)[:, None, None]
 
     def refine(self, mixed: Pir, prompt: str, *, negative: str = "", strength: float = 1.0, seed: int = 0) -> Pir:
-        """One image completed; see :meth:`refine_sequence`."""
+        """One completed image; see :meth:`refine_sequence`."""
         return self.refine_sequence([mixed], prompt, negative=negative, strength=strength, seed=seed)[0]
 
     def refine_sequence(
@@ -125,38 +134,36 @@ class PathDiffusion:
         seed: int = 0,
         progress: Callable[[int, int], None] | None = None,
     ) -> list[Pir]:
-        """Images of one view over time, completed coherently.
+        """Coherently completed images of one view over time.
 
-        Where something returns already its energy is multiplied by a bounded gain, and its time of arrival and velocity
-        stay as they are. Where nothing did, energy may appear, which stands still: in rooms, which are closed on all
-        sides, whatever lacks a return is drawn anew around what is there. Images that look complete are
-        hardly changed (:class:`~rfgen_sionna.generative.environment.confidence_gate.ConfidenceGate`). All frames share
-        their noise, and a
-        pixel that stands still keeps one gain as long as it does, so that it has no Doppler. What moves has one gain
-        all over and all along: a body's phase stays what it was.
+        Existing energy is multiplied by a bounded gain; its time of arrival and velocity stay. Empty pixels may gain
+        static energy; in rooms, which are closed on all sides, all of them do. Complete images hardly change
+        (:class:`~rfgen_sionna.generative.environment.confidence_gate.ConfidenceGate`). All frames share their noise. A
+        static pixel has a constant gain, hence no Doppler; all moving pixels share one gain, which keeps their phases.
 
         Parameters
         ----------
         frames
             Mixed images, of one view.
         prompt, negative
-            The surroundings, and what isn't there.
+            Description of the surroundings, and absent objects.
         strength
-            0 gives the frames back; up to 1, how much noise the drawing starts from. Where no number of steps has just
-            that much, gains are smaller by as much as there is more.
+            0 returns the frames; up to 1, the initial noise of the drawing. Between the noise levels of the steps,
+            gains are scaled down.
         seed
             Of the noise.
         progress
-            Called with (frames done, frames).
+            Called with (frames done, frames); None reports nothing.
 
         Raises
         ------
         TypeError, ValueError
-            If the frames' views differ, one holds what no radar receives, or an argument is out of its range.
+            If the frames' views differ, a value is impossible for a radar image, or an argument is out of its range.
         PromptError
-            If the words can't be meant so (:func:`~rfgen_sionna.generative.environment.requested_objects.check_words`).
+            If the words contradict each other
+            (:func:`~rfgen_sionna.generative.environment.requested_objects.check_words`).
         DeviceMemoryError
-            If the device's memory doesn't suffice.
+            If the device runs out of memory.
         """
         if isinstance(strength, bool) or not isinstance(strength, (int, float, np.number)) or not 0 <= strength <= 1:
             raise ValueError(f"strength: {strength!r}; 0 … 1 is allowed")
@@ -180,17 +187,16 @@ class PathDiffusion:
             if progress is not None:
                 progress(len(guesses), len(frames))
         channels = np.stack([self.backend.model.codec.encode(frame, clip=True) for frame in small])
-        believed = self.confidence_gate(channels, [view_facts(views[0])] * len(small))
+        confidence = self.confidence_gate(channels, [view_facts(views[0])] * len(small))
         if self.backend.model.text.place_of(prompt)[0] not in OUTDOORS:
             guesses = [self._filled(*each, prompt, int(seed)) for each in zip(small, guesses, strict=True)]
-        believed *= strength / self._noise(strength)
-        held = _held(small, [replace(guess, gain=believed * guess.gain) for guess in guesses])
+        confidence *= strength / self._noise(strength)
+        held = _held(small, [replace(guess, gain=confidence * guess.gain) for guess in guesses])
         common = _common(small, held)
         return [self._applied(frame, guess, common, strength) for frame, guess in zip(frames, held, strict=True)]
 
     def _noise(self, strength: float) -> float:
-        """The share of the schedule that drawings are started from: the least from `strength` on that as many steps
-        get to the end of."""
+        """Initial share of the schedule: the smallest from `strength` on that the steps can run."""
         steps = self.sampler.steps
         return steps / min(MOST_STEPS, int(steps / strength + 1e-9))
 
@@ -229,7 +235,7 @@ class PathDiffusion:
         return [self._compare(frame, old, new) for frame, old, new in zip(frames, kept, drawn, strict=True)]
 
     def _filled(self, frame: Pir, guess: _FrameEstimate, prompt: str, seed: int) -> _FrameEstimate:
-        """With energy wherever a room of that kind would return some: patches without are drawn around the others."""
+        """The estimate with energy in all empty pixels of a room, drawn around the others."""
         empty = (frame.energy <= 0).reshape(NATIVE[0] // PATCH, PATCH, NATIVE[1] // PATCH, PATCH).any(axis=(1, 3))
         if not empty.any():
             return guess
@@ -251,8 +257,8 @@ class PathDiffusion:
         return replace(guess, level=np.where(new, level, guess.level), arrival=np.where(new, when, guess.arrival))
 
     def _mean(self, drawn: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(row, column) share of the drawings (sample, 3, row, column) in which something returns, and of those the
-        mean level [dB] and arrival [s]."""
+        """(row, column) share of the drawings (sample, 3, row, column) with a return, and their mean level [dB] and
+        arrival [s]."""
         energy, arrival, _ = self.backend.model.codec.decode_arrays(drawn, clip=True)
         there = energy > 0
         count = np.maximum(there.sum(axis=0), 1)
@@ -260,7 +266,7 @@ class PathDiffusion:
         return there.mean(axis=0), level, np.where(there, np.nan_to_num(arrival), 0.0).sum(axis=0) / count
 
     def _compare(self, frame: Pir, old: FloatArray, new: FloatArray) -> _FrameEstimate:
-        """Gains from what the model drew (sample, 3, row, column), against what it would have drawn unchanged."""
+        """Gains of drawings (sample, 3, row, column) over the autoencoder's reconstruction of the frame."""
         codec = self.backend.model.codec
         before, _, _ = codec.decode_arrays(old, clip=True)
         votes, level, when = self._mean(new)
@@ -275,8 +281,8 @@ class PathDiffusion:
         )
 
     def _applied(self, frame: Pir, guess: _FrameEstimate, common: float, strength: float) -> Pir:
-        """`frame` with the gains, and `strength` times the new energy, of a guess at the model's own resolution, and
-        the gain `common` to all that moves [dB]."""
+        """`frame` with an estimate's gains, `strength` times its new energy, and the gain `common` of all moving pixels
+        [dB]."""
         rows, columns = frame.energy.shape
         where = np.meshgrid(
             (np.arange(rows) + 0.5) * NATIVE[0] / rows - 0.5,
@@ -297,15 +303,15 @@ class PathDiffusion:
 
 
 def _held(frames: Sequence[Pir], guesses: Sequence[_FrameEstimate]) -> list[_FrameEstimate]:
-    """Guesses in which each pixel keeps one gain, and one new energy, for as long as it stands still."""
+    """Estimates in which each pixel has one gain, and one new energy, for each interval in which it is static."""
     if len(frames) < 2:
         return list(guesses)
     levels = np.stack([_decibels(frame.energy) for frame in frames])
     reach = np.stack([0.5 * SPEED_OF_LIGHT * np.nan_to_num(frame.time_of_arrival) for frame in frames])
     still = (np.abs(np.diff(levels, axis=0)) < CHANGED_DB) & (np.abs(np.diff(reach, axis=0)) < CHANGED_RANGE)
     still &= np.stack([frame.velocity == 0 for frame in frames]).all(axis=0)
-    stretch = np.concatenate([np.zeros((1, *NATIVE), np.intp), np.cumsum(~still, axis=0)])
-    label = (stretch * NATIVE[0] * NATIVE[1] + np.arange(NATIVE[0] * NATIVE[1]).reshape(NATIVE)).ravel()
+    interval = np.concatenate([np.zeros((1, *NATIVE), np.intp), np.cumsum(~still, axis=0)])
+    label = (interval * NATIVE[0] * NATIVE[1] + np.arange(NATIVE[0] * NATIVE[1]).reshape(NATIVE)).ravel()
     gain = _means(np.stack([g.gain for g in guesses]), label)
     new = np.stack([g.level > _FLOOR_DB for g in guesses])
     share = _means(new.astype(np.float64), label)
@@ -323,18 +329,18 @@ def _held(frames: Sequence[Pir], guesses: Sequence[_FrameEstimate]) -> list[_Fra
 
 
 def _common(frames: Sequence[Pir], guesses: Sequence[_FrameEstimate]) -> float:
-    """The gain [dB] of what moves: the mean over pixels and frames, by energy."""
+    """Gain [dB] of all moving pixels: energy-weighted mean over pixels and frames."""
     gain, weight = (np.stack(each) for each in ([g.gain for g in guesses], [_moving(frame) for frame in frames]))
     return float((gain * weight).sum() / max(float(weight.sum()), np.finfo(np.float64).tiny))
 
 
 def _moving(frame: Pir) -> FloatArray:
-    """(row, column) energy of what moves."""
+    """(row, column) energy of moving pixels."""
     return np.where((frame.velocity != 0) & (frame.energy > 0), frame.energy, 0.0)
 
 
 def _means(values: FloatArray, label: NDArray[np.intp]) -> FloatArray:
-    """`values` with each replaced by the mean over its label."""
+    """`values`, each replaced by the mean over its label."""
     count = np.bincount(label)
     sums = np.bincount(label, weights=values.ravel())
     return np.asarray((sums / np.maximum(count, 1))[label].reshape(values.shape))

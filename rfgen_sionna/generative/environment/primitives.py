@@ -1,4 +1,4 @@
-"""Furnished places built of bricks: boxes and ellipsoids in any direction, a few for each piece of furniture.
+"""Primitives: furnished places built of boxes and ellipsoids, a few for each piece of furniture.
 
 A table is a top and four legs, a tree a stem and a crown, a car its wheels and a few blocks.
 """
@@ -20,39 +20,39 @@ if TYPE_CHECKING:
     from rfgen_sionna.scene.furnished.furnished_scene import FurnishedScene
 
 _OUT_OF_WALL = 0.12
-"""Openings lie this far within their walls [m], whose bricks are whole: theirs are thicker."""
+"""Depth of openings within their walls [m]; thicker than the walls, so that they are in front."""
 _OPENINGS = ("door", "window", "garage door")
 _BEFORE_OTHERS = (*_OPENINGS, "path")
-"""Parts of the shell that lie on others, which are whole without them."""
+"""Parts of the shell that cover others."""
 _SMALL, _SMALL_SHARE = 0.25, 0.3
-"""Bodies that are smaller than this [m], and than this share of the piece, are built together: books, leaves."""
+"""Bodies below this size [m], and this share of the object, are fitted together: books, leaves."""
 _MAX_PRIMITIVES = 48
-"""Bodies of a piece that get bricks of their own."""
+"""Most bodies of an object that are fitted separately; bounds the cost of rays."""
 _HALVINGS = 3
-"""A body is halved so many times ..."""
+"""Most halvings of a body ..."""
 _SIMPLE = 40
-"""... unless it has fewer faces, as boards and legs have, and ..."""
+"""... not of one with fewer faces, as boards and legs have ..."""
 _WORTHWHILE_SHARE = 0.8
-"""... if that leaves less than this share of the volume."""
+"""... and only where the volume falls below this share."""
 _LEAST_THICKNESS = 0.02
-"""Thickness that counts as none when volumes are compared [m]."""
+"""Thickness that counts as none in a volume [m]."""
 _ROUND, _MOSTLY = 1.25, 0.98
-"""Bodies of which so many points reach no further into the corners of their box, in half extents, are ellipsoids: not
-larger than the box. A few leaves may stick out."""
+"""Reach of an ellipsoid's points [half extents], and share of points within; a box has 1.7, a few leaves may be
+outside."""
 
 
 @dataclass(frozen=True)
 class Primitives:
-    """Bodies in space, each about a centre along axes of its own."""
+    """Boxes and ellipsoids."""
 
     centre: FloatArray
-    """(brick, 3) [m]."""
+    """(primitive, 3) [m]."""
     half: FloatArray
-    """(brick, 3) half extents along its own axes [m]; some boxes are flat."""
+    """(primitive, 3) half extents along its axes [m]; flat boxes have zeros."""
     axes: FloatArray
-    """(brick, 3, 3) its own axes, as rows."""
+    """(primitive, 3, 3) axes, as rows."""
     round: NDArray[np.bool_]
-    """(brick,) ellipsoids; the others are boxes."""
+    """(primitive,) ellipsoids; the others are boxes."""
 
     def __len__(self) -> int:
         return len(self.centre)
@@ -62,35 +62,35 @@ class Primitives:
 
     @classmethod
     def upright(cls, centre: FloatArray, half: FloatArray, yaw: FloatArray) -> Primitives:
-        """Boxes (brick, 3) that are turned about the vertical alone, by (brick,) [rad]."""
+        """Boxes (primitive, 3) turned about the vertical by (primitive,) [rad]."""
         c, s, zero = np.cos(yaw), np.sin(yaw), np.zeros(len(yaw))
         axes = np.stack([np.stack(row, -1) for row in ((c, s, zero), (-s, c, zero), (zero, zero, zero + 1.0))], 1)
         return cls(np.asarray(centre, np.float64), np.asarray(half, np.float64), axes, np.zeros(len(yaw), bool))
 
     @classmethod
     def joined(cls, parts: Iterable[Primitives]) -> Primitives:
-        """All of them, one after the other."""
+        """Concatenation."""
         listed = list(parts)
         return cls(*(np.concatenate([getattr(part, each.name) for part in listed]) for each in fields(cls)))
 
     @property
     def volume(self) -> float:
-        """Of all of them [m^3], none of them thinner than `_LEAST_THICKNESS`."""
+        """Total volume [m³], with a thickness of at least `_LEAST_THICKNESS`."""
         sides = np.maximum(2.0 * self.half, _LEAST_THICKNESS)
         return float(np.sum(np.prod(sides, axis=1) * np.where(self.round, np.pi / 6.0, 1.0)))
 
     def own(self, points: FloatArray, index: NDArray[np.integer]) -> FloatArray:
-        """Points (point, 3) [m] as coordinates of the bricks `index` (point,), in half extents; 0 along flat sides."""
+        """Points (point, 3) [m] in coordinates of the primitives `index` (point,), in half extents; 0 along flat
+        sides."""
         along = np.einsum("nij,nj->ni", self.axes[index], points - self.centre[index])
         half = self.half[index]
         return np.divide(along, half, out=np.zeros_like(along), where=half > 1e-6)
 
     def cast(self, position: Sequence[float], rays: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where rays (ray, 3) from a position meet each brick.
+        """Intersections of rays (ray, 3) from a position with each primitive.
 
         Returns:
-            (brick, ray) range [m] at which each ray enters, inf for never, and cosine of incidence. A ray that begins
-            within a brick enters at 0 or less.
+            (primitive, ray) range [m] of entry, inf without intersection, 0 or less inside; and cosine of incidence.
         """
         start = np.einsum("bij,bj->bi", self.axes, np.asarray(position) - self.centre)
         along = np.einsum("bij,rj->bir", self.axes, rays)
@@ -109,8 +109,8 @@ class Primitives:
 def _cast_at_ellipsoids(
     start: FloatArray, along: FloatArray, half: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where rays enter and leave ellipsoids, and cosine of incidence: the quadratic equation of unit spheres in half
-    extents, from where the rays (brick, ray) start, (brick, 3), and go along, (brick, 3, ray)."""
+    """Entry and exit of rays at ellipsoids, and cosine of incidence, from starts (primitive, 3) and directions
+    (primitive, 3, ray) in half extents: quadratic equation of unit spheres."""
     s, d = start / half, along / half[..., None]
     square, mixed = (d**2).sum(axis=1), np.einsum("bi,bir->br", s, d)
     inside = mixed**2 - square * ((s**2).sum(axis=1)[:, None] - 1.0)
@@ -124,27 +124,27 @@ def _cast_at_ellipsoids(
 
 @dataclass(frozen=True)
 class PrimitiveScene:
-    """A furnished place of bricks."""
+    """A furnished place of primitives."""
 
     bounding_boxes: Primitives
-    """One upright box for each piece: a wall, a door, a sofa."""
+    """One upright box for each object: a wall, a door, a sofa."""
     kinds: tuple[str, ...]
-    """(piece,) what each is."""
+    """(object,) kinds."""
     shell: int
-    """How many are floor, walls, doors and windows; they come first."""
+    """Number of floor, walls, doors and windows; they come first."""
     parts: Primitives
-    """What the pieces are built of, one after the other."""
+    """Primitives of all objects in order."""
     owner: NDArray[np.intp]
-    """(part,) piece that each belongs to, ascending."""
+    """(part,) object of each part, ascending."""
     finishes: Mapping[str, str] = field(default_factory=dict)
-    """What kinds are mostly made of, by names of :data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`."""
+    """Main finish of each kind, by names of :data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`."""
 
     @classmethod
     def of(cls, scene: FurnishedScene) -> PrimitiveScene:
-        """Each wall, and each part of doors and windows, as one box; furniture as a few bricks a piece."""
+        """Walls, doors and windows as one box a part; furniture as a few primitives a piece."""
         bounding_boxes, kinds, parts = [], [], []
         for kind, points in scene.shell:
-            if kind == "ground":  # of a meadow with its bumps: a plane
+            if kind == "ground":  # bumpy ground becomes a plane
                 points = points * (1.0, 1.0, 0.0)
             bounding_boxes.append(_fit_box(points, np.eye(3), _OUT_OF_WALL if kind in _OPENINGS else 0.0))
             kinds.append(kind)
@@ -166,8 +166,7 @@ class PrimitiveScene:
         )
 
     def without(self, kinds: Collection[str]) -> PrimitiveScene:
-        """The same place without pieces of some kinds; floor and walls stay. Nothing stands on pieces of furniture:
-        what does, as books on shelves, is part of them."""
+        """The place without some kinds; floor and walls stay."""
         left_out = np.array([kind in kinds for kind in self.kinds], bool)
         left_out[: self.shell] &= [kind in _BEFORE_OTHERS for kind in self.kinds[: self.shell]]
         if not left_out.any():
@@ -184,13 +183,15 @@ class PrimitiveScene:
 
     @classmethod
     def plain(cls, primitives: Primitives, kinds: tuple[str, ...], shell: int = 0) -> PrimitiveScene:
-        """Of pieces that are one upright box each."""
+        """Objects of one upright box each."""
         return cls(primitives, kinds, shell, primitives, np.arange(len(primitives)))
 
 
 def fit_primitives(points: FloatArray, faces: IntArray, axes: FloatArray) -> Primitives:
-    """A mesh, vertices (vertex, 3) [m] and faces (face, 3), of bricks along its own axes (3, 3) or along those of its
-    parts: bodies that hang together are told apart, small ones go together, and what fills its box badly is halved."""
+    """Primitives of a mesh, vertices (vertex, 3) [m] and faces (face, 3), along given axes (3, 3) or its parts' own.
+
+    Connected bodies are fitted separately, small ones together; poorly filled boxes are halved.
+    """
     corners = faces.ravel()
     joints = coo_matrix((np.ones(len(corners)), (corners, np.roll(faces, 1, axis=1).ravel())), [len(points)] * 2)
     _, label = connected_components(joints, directed=False)
@@ -208,7 +209,7 @@ def fit_primitives(points: FloatArray, faces: IntArray, axes: FloatArray) -> Pri
 
 
 def _fit_in_halves(points: FloatArray, faces: IntArray, axes: FloatArray, times: int) -> Primitives:
-    """One brick around some faces, or several where they take much less room."""
+    """One primitive around some faces, or several of much less volume."""
     whole = _fit_tightest(points[np.unique(faces)], axes)
     if times == 0 or len(faces) < _SIMPLE or 2.0 * whole.half.max() < _SMALL:
         return whole
@@ -222,7 +223,7 @@ def _fit_in_halves(points: FloatArray, faces: IntArray, axes: FloatArray, times:
 
 
 def _fit_tightest(points: FloatArray, axes: FloatArray) -> Primitives:
-    """The smaller of the boxes along given axes and along the points' own, or the ellipsoid where that holds them."""
+    """The smaller of the boxes along given axes and along principal axes, or an ellipsoid where it holds the points."""
     best = _fit_box(points, axes)
     if len(points) >= 4:
         _, own = np.linalg.eigh(np.cov(points.T))

@@ -1,4 +1,4 @@
-"""Another view of what an image shows: its points seen from elsewhere, and what remains to be imagined."""
+"""Reprojection: an image's points seen from another viewpoint, and the patches that stay unknown."""
 
 from __future__ import annotations
 
@@ -14,26 +14,30 @@ from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 
 NATIVE = (64, 64)
-"""Pixels that the image models draw; other resolutions are made of them."""
+"""Pixels of the image models; other resolutions are resampled."""
 PATCH = 4
-"""Edge of the patches that are known or not [pixels]: those of the autoencoder."""
+"""Edge of a patch [pixels], as in the autoencoder."""
 SPLIT = 4
-"""Points along a pixel's edge: a view from closer by still finds its surfaces closed."""
+"""Points along a pixel's edge; closes surfaces that are seen from closer by."""
 EDGE = 0.12
-"""Neighbours that differ in range by more than this share of it are not one surface."""
+"""Relative difference in range of neighbours of two surfaces."""
 KNOWN = 0.75
-"""Share of a patch's pixels that must be seen for it to count as known."""
+"""Least share of seen pixels in a known patch."""
 
 
 def reproject(images: Sequence[Pir], view: View) -> tuple[FloatArray, FloatArray]:
-    """What images show, as seen from `view`.
+    """Images as seen from `view`.
 
-    Each pixel becomes a few points of its surface. Of those that fall into one pixel of the new view the nearest
-    surface counts. Its energy per pixel is taken to be diffuse: it falls with the square of the range and grows with
-    the pixel's solid angle; a mirror's glint moves with the observer, which an image can't tell.
+    Each pixel becomes a few points of its surface; the nearest surface in a new pixel counts. Energy is taken to be
+    diffuse: it falls with the square of the range and grows with the pixel's solid angle. Specular returns do not
+    follow.
+
+    Args:
+        images: PIRs of one environment.
+        view: the new view.
 
     Returns:
-        energies (row, column), 0 where nothing is known, and ranges (row, column) [m], NaN where nothing is known.
+        energies (row, column), 0 for unknown pixels, and ranges (row, column) [m], NaN for unknown pixels.
     """
     rows, columns = view.resolution
     best = np.full(view.size, np.inf)
@@ -65,16 +69,16 @@ def reproject(images: Sequence[Pir], view: View) -> tuple[FloatArray, FloatArray
 
 @dataclass(frozen=True)
 class KnownView:
-    """What of a view other views have shown."""
+    """Parts of a view that other views show."""
 
     pir: Pir
-    """The whole view; what is not known is what is next to it."""
+    """The whole view; unknown pixels copy the nearest known one."""
     patches: NDArray[np.bool_]
-    """(row / PATCH, column / PATCH) patches that are known."""
+    """(row / PATCH, column / PATCH) known patches."""
 
 
 def known_from_views(images: Sequence[Pir], view: View) -> KnownView | None:
-    """What `images` tells of `view`; None where that is nothing."""
+    """Reprojection of `images` into `view`; None without a known patch."""
     energy, distance = reproject(images, view)
     seen = energy > 0
     rows, columns = view.resolution
@@ -87,13 +91,18 @@ def known_from_views(images: Sequence[Pir], view: View) -> KnownView | None:
 
 
 def empty_pir(view: View, energy: FloatArray, arrival: FloatArray) -> Pir:
-    """A PIR of `view` in which nothing moves."""
+    """A static PIR of `view`."""
     still = np.zeros_like(energy)
     return Pir(energy, arrival, still, view.fov_deg, view.position, view.orientation, view.projection)
 
 
 def resize_pir(pir: Pir, resolution: tuple[int, int]) -> Pir:
-    """The same view with other pixels; the energy of the whole stays, ranges are never averaged over an edge."""
+    """The view with other pixels; total energy stays, ranges are never averaged over an edge.
+
+    Args:
+        pir: the image.
+        resolution: (rows, columns).
+    """
     rows, columns = pir.energy.shape
     if (rows, columns) == tuple(resolution):
         return pir
@@ -122,7 +131,7 @@ def resize_pir(pir: Pir, resolution: tuple[int, int]) -> Pir:
 def _finer(
     pir: Pir, resolution: tuple[int, int], energy: FloatArray, arrival: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Energies and times of arrival interpolated within surfaces, those of the nearest pixel at edges."""
+    """Energies and times of arrival, interpolated within surfaces, from the nearest pixel at edges."""
     rows, columns = pir.energy.shape
     where = np.meshgrid(
         (np.arange(resolution[0]) + 0.5) * rows / resolution[0] - 0.5,
@@ -135,7 +144,7 @@ def _finer(
     arrival = np.where(one, smooth, arrival)
     level = np.log(np.maximum(pir.energy, 1e-30))
     energy = np.where(one & (energy > 0), np.exp(map_coordinates(level, where, order=1, mode="nearest")), energy)
-    # As much comes from a pixel's place as did: interpolation of decibels takes most from single bright ones.
+    # keep each coarse pixel's energy: interpolation in decibels lowers single bright ones
     coarse = min(rows, resolution[0]), min(columns, resolution[1])
 
     def place_points(shape: tuple[int, int]) -> NDArray[np.intp]:

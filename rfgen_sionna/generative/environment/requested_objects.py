@@ -1,6 +1,6 @@
-"""What words name, by the words themselves: places and furniture.
+"""Objects and places that words name, by patterns, and names of places.
 
-The encoder of :mod:`.text` learnt from whole captions. Of bare nouns, as negative prompts are, it makes anything.
+The encoder of :mod:`.place_encoder` is trained on whole captions and unreliable on bare nouns, as in negative prompts.
 """
 
 from __future__ import annotations
@@ -30,60 +30,40 @@ NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "open field": ("open field", "meadow", "field", "grassland"),
     }
 )
-"""What each place is called; the first is its name."""
+"""Place -> its names; the first is the main one."""
 
 OUTDOORS = ("street", "playground", "open field")
 
 
-_PLAIN = frozenset(
-    (
-        "furnished",
-        "indoor",
-        "inside",
-        "interior",
-        "it",
-        "man",
-        "people",
-        "person",
-        "radar",
-        "room",
-        "scene",
-        "seen",
-        "sees",
-        "somebody",
-        "someone",
-        "typical",
-        "usual",
-        "view",
-        "where",
-        "woman",
-    )
-)
-"""Words that say nothing of a place that its name doesn't; who is in it is drawn by others."""
+_PLAIN = frozenset((
+    "furnished", "indoor", "inside", "interior", "it", "man", "people", "person", "radar", "room", "scene", "seen",
+    "sees", "somebody", "someone", "typical", "usual", "view", "where", "woman",
+))  # fmt: skip
+"""Words without information on a place."""
 
 
 @dataclass(frozen=True)
 class NamedObjects:
-    """What a text names."""
+    """Objects that a text names."""
 
     places: tuple[str, ...]
-    """By the names of :data:`~rfgen_sionna.generative.environment.requested_objects.NAMES`."""
+    """Keys of :data:`NAMES`."""
     words: tuple[tuple[str, tuple[str, ...]], ...]
-    """The words for furniture, doors and windows, and the kinds that each may mean."""
+    """Words for furniture, doors and windows, with their possible kinds."""
     rest: tuple[str, ...]
-    """Phrases that name neither."""
+    """Remaining phrases."""
     surfaces: tuple[tuple[str, str, tuple[str, ...]], ...] = ()
-    """The words for what walls, floors and ceilings are made of: "a carpeted floor"; which of them, and the finishes
-    (:data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`) that it may mean."""
+    """Words for finishes of walls, floors and ceilings ("a carpeted floor"), with the surface and its possible finishes
+    (:data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`)."""
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """Those of the phrases that a description of a place could mean something by."""
+        """Remaining phrases that may describe a place."""
         return tuple(each for each in self.rest if not {*each.split()} <= _PLAIN and not Reader(each).take(EMPTY))
 
     @property
     def meant(self) -> tuple[tuple[str, ...], ...]:
-        """For each of the words, the kinds that it may mean."""
+        """Possible kinds of each word."""
         return tuple(kinds for _, kinds in self.words)
 
     @property
@@ -93,7 +73,7 @@ class NamedObjects:
 
 
 def read_objects(text: str) -> NamedObjects:
-    """What a text names, singular or plural, with or without articles: "sofas and a chest of drawers"."""
+    """Objects in a text, singular or plural, with or without articles: "sofas and a chest of drawers"."""
     reader = Reader(text)
     surfaces = [
         (match.group(), surface, meant) for pattern, surface, meant in SURFACES for match in reader.take(pattern)
@@ -109,22 +89,21 @@ def read_objects(text: str) -> NamedObjects:
 
 
 def is_empty(text: str) -> bool:
-    """Whether a text says of a place that nothing stands in it: "an empty office"."""
+    """Whether a text describes an empty place: "an empty office"."""
     return bool(Reader(text).take(EMPTY))
 
 
 def check_words(prompt: str, negative: str, fields: tuple[str, str] = ("prompt", "negative")) -> None:
-    """Refuse words that no image model should get.
+    """Refuse contradictory prompts.
 
     Args:
-        prompt: what the surroundings are.
-        negative: what isn't there; empty for nothing.
-        fields: what messages call the two.
+        prompt: description of the surroundings.
+        negative: absent objects; empty for none.
+        fields: names of the two in messages.
 
     Raises:
-        ValueError: the prompt is none, or the negative prompt is no text.
-        PromptError: one of them negates: what the surroundings are without is the negative prompt's, by its name alone;
-            or the negative prompt excludes what the prompt asks for.
+        ValueError: the prompt is empty, or the negative prompt is no text.
+        PromptError: one of them has a negation, or the negative prompt excludes an object of the prompt.
     """
     wanted, unwanted = fields
     if not isinstance(prompt, str) or not prompt.strip():
@@ -156,8 +135,7 @@ def check_words(prompt: str, negative: str, fields: tuple[str, str] = ("prompt",
 
 @cache
 def _patterns() -> Sequence[tuple[str, tuple[str, ...]]]:
-    """(pattern, place or kinds), in the order in which they are taken: an "office chair" is no office, and in a
-    "car garage" no car is named."""
+    """(pattern, place or kinds) in order of use: "office chair" before "office", "car garage" before "car"."""
     things = names()
     places = [(inflected(normalise(name)), (place,)) for place, said in NAMES.items() for name in said]
     places.sort(key=lambda each: -len(each[0]))

@@ -1,6 +1,6 @@
-"""Which furnished place an image shows: one that has what the words name, with the radar where it may stand.
+"""Selection of a furnished place for a prompt: one with the requested objects, and a free spot for the radar.
 
-Layouts come from seeds that no data set uses (:data:`FIRST_SEED`), so none of a training or test split is among them.
+Layouts have seeds of their own (:data:`FIRST_SEED`), outside all training and test data.
 """
 
 from __future__ import annotations
@@ -20,55 +20,55 @@ from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.furnished.furnished_scene import FurnishedScene
 
 FIRST_SEED = 1 << 40
-"""Of the layouts that are imagined."""
+"""First seed of imagined layouts."""
 LAYOUTS = 16
-"""How many are furnished, at most, in search of what the words name."""
+"""Most layouts in a search; bounds its time, as the next three."""
 MAX_BUILT = 8
-"""How many of them are built of bricks and looked at, at most."""
+"""Most layouts that are built of primitives."""
 POSITIONS_PER_LAYOUT = 24
-"""Spots for the radar that are tried in each."""
+"""Radar positions that are tried in a layout."""
 VIEWS_PER_LAYOUT = 8
-"""Looks from different spots, at most, at each place that is built."""
+"""Most views that are rendered in a layout."""
 _COARSE = (24, 24)
 _SHELL = ("floor", "ceiling", "far wall", "near wall", "left wall", "right wall")
-"""What words may say the finish of."""
+"""Surfaces whose finish words may name."""
 _MARGIN = 0.25
 """Free space around a radar [m]."""
 _POINTING_SPREAD = np.radians(12.0)
-"""How nearly somebody points a radar at what there is to see; as the data sets do."""
+"""Standard deviation of the yaw towards furniture [rad], as in the data sets."""
 _RANDOM_DIRECTION_SHARE = 0.25
-"""Share of the views that look nowhere in particular."""
+"""Share of the views in a random direction."""
 _IN_FRONT, _STRAIGHT, _NEAR = 0.25, 0.25, 0.3
-"""Share of the views that are as in a run, and how far at most they turn [rad] and stand from the origin [m]."""
+"""Share of the views as in a run, and their largest yaw [rad] and distance from the origin [m]."""
 
 
 @dataclass(frozen=True)
 class PlaceRequest:
-    """What words ask of a place."""
+    """Requested place."""
 
     place: str
     things: tuple[tuple[str, ...], ...] = ()
-    """That should be in view: for each, the kinds that its word may mean."""
+    """Requested objects in view: for each, its possible kinds."""
     without: tuple[str, ...] = ()
-    """That are not there."""
+    """Absent kinds."""
     surfaces: tuple[tuple[str, tuple[str, ...]], ...] = ()
-    """Walls, floors and ceilings that are to be of one of some finishes."""
+    """Walls, floors and ceilings, with their possible finishes."""
 
     def excludes(self, kind: str) -> bool:
-        """Whether a kind is not there: an office chair is a chair, too, unless it is wanted itself."""
+        """Whether a kind is excluded: "chair" excludes an office chair, unless that is requested."""
         wanted = any(kind in meant for meant in self.things)
         return kind in self.without or (not wanted and any(_is(kind, excluded) for excluded in self.without))
 
     def wants(self, kind: str) -> bool:
-        """Whether a kind is one of the things: who wants a chair has it in an office chair."""
+        """Whether a kind is requested: "chair" includes an office chair."""
         return any(_is(kind, each) for meant in self.things for each in meant)
 
     def met(self, kinds: Collection[str]) -> list[bool]:
-        """Of each of the things, whether it is among `kinds`."""
+        """Whether each requested object is among `kinds`."""
         return [any(_is(kind, each) for kind in kinds for each in meant) for meant in self.things]
 
     def made(self, finishes: Mapping[str, str]) -> list[bool]:
-        """Of each of the surfaces, whether it is so, or one of its kind, where things are made of `finishes`."""
+        """Whether each requested surface has its finish, from the `finishes` by kind."""
         return [
             any(finish in meant for kind, finish in finishes.items() if kind in _SHELL and _is(kind, surface))
             for surface, meant in self.surfaces
@@ -81,23 +81,23 @@ def _is(kind: str, other: str) -> bool:
 
 @dataclass(frozen=True)
 class Room:
-    """A place of bricks."""
+    """A place of primitives, and the caller's origin in it."""
 
     place: PrimitiveScene
     offset: tuple[float, float]
-    """Where in it the origin of the caller's world lies [m]."""
+    """Position of the caller's origin in the place [m]."""
     inside: tuple[tuple[float, float], tuple[float, float], tuple[float, float]] | None = None
-    """Least and greatest x, y and z within its walls [m]; None outdoors."""
+    """Bounds of x, y and z within the walls [m]; None outdoors."""
 
     def layout_from(self, view: View) -> LayoutMap:
-        """What a view in the caller's world shows."""
+        """Layout map of a view in the caller's world."""
         return render_layout_map(self.place, self.moved(view))
 
     def check(self, view: View) -> None:
-        """Whether a radar may look from there.
+        """Check a radar position.
 
         Raises:
-            ValueError: it stands beyond the walls, the floor or the ceiling.
+            ValueError: it is outside walls, floor or ceiling.
         """
         if self.inside is None:
             return
@@ -119,17 +119,17 @@ class Room:
 
 @lru_cache(maxsize=256)
 def choose_room(wanted: PlaceRequest, view: View, seed: int, *, anywhere: bool = False) -> Room:
-    """The place that shows most of what is wanted, of a few, without what is excluded.
+    """Of a few places, the one that shows most of the request.
 
     Args:
-        wanted: what is wanted.
-        view: how it is seen first, in the caller's world, whose floor is z = 0.
+        wanted: the request.
+        view: first view, in the caller's world with the floor at z = 0.
         seed: of the layouts.
-        anywhere: let the radar stand anywhere in the place; otherwise the caller's origin is the place's, before which
-            (1.2 … 4.3 m along x) there is room for somebody, as long as the radar may stand there.
+        anywhere: whether the radar may stand anywhere in the place. Otherwise the caller's origin is the place's, with
+            free space for a person before it (1.2 … 4.3 m along x), as long as the radar's spot is free.
 
     Raises:
-        ValueError: the radar may stand nowhere at its height.
+        ValueError: there is no free spot at the radar's height.
     """
     rng = np.random.default_rng([seed, 107])
     best: tuple[float, Room] | None = None
@@ -139,7 +139,7 @@ def choose_room(wanted: PlaceRequest, view: View, seed: int, *, anywhere: bool =
         held = {*scene.layout.kinds, *(kind for kind, _ in scene.shell)}
         made = sum(wanted.made(scene.finishes))
         if best is not None and sum(wanted.met(held)) + made <= best[0]:
-            continue  # not even with all of it in view
+            continue  # cannot be better
         place = PrimitiveScene.of(scene)
         place = place.without([kind for kind in set(place.kinds) if wanted.excludes(kind)])
         for offset in _offsets(scene, view, rng, anywhere):
@@ -167,7 +167,7 @@ def choose_room(wanted: PlaceRequest, view: View, seed: int, *, anywhere: bool =
 def _offsets(
     scene: FurnishedScene, view: View, rng: np.random.Generator, anywhere: bool
 ) -> Iterator[tuple[float, float]]:
-    """Where in a place the caller's origin may lie: at the place's own, or so that the radar stands on a free spot."""
+    """Candidate positions of the caller's origin: the place's own, or with the radar on a free spot."""
     if not anywhere and _may_stand(scene, view):
         yield 0.0, 0.0
         return
@@ -179,7 +179,7 @@ def _offsets(
 
 
 def _score(room: Room, view: View, wanted: PlaceRequest) -> float:
-    """How many of the things a view of a room shows, much less where something is too near."""
+    """Number of requested objects in a view, with a penalty for near obstacles."""
     layout_map = room.layout_from(view)
     kinds = layout_map.kinds(room.place)
     reach = np.where(np.isfinite(layout_map.range), layout_map.range, 1e3)
@@ -198,9 +198,9 @@ def _may_stand(scene: FurnishedScene, view: View) -> bool:
 
 
 def _sample_position(scene: FurnishedScene, view: View, rng: np.random.Generator) -> tuple[float, float] | None:
-    """A free spot in a place from where somebody would look this way: most often towards furniture, near or far."""
+    """Free radar position for a yaw, usually towards furniture; None without one."""
     layout = scene.layout
-    # As in a run, given that they look straight ahead; the others look anywhere.
+    # probability of a view as in a run, given the yaw
     straight = _IN_FRONT / (2 * _STRAIGHT) * (abs(view.orientation[0]) < _STRAIGHT)
     if rng.uniform() < straight / (straight + (1 - _IN_FRONT) / (2 * np.pi)):
         x, y = (float(rng.uniform(-_NEAR, _NEAR)) for _ in range(2))
@@ -227,6 +227,6 @@ def _sample_position(scene: FurnishedScene, view: View, rng: np.random.Generator
 
 
 def _pointing_density(away: FloatArray, yaw: float) -> FloatArray:
-    """Density of a yaw for somebody who points at each of `away` (target, 2)."""
+    """Density of a yaw for views that point at each of `away` (target, 2)."""
     off = (yaw - np.arctan2(away[:, 1], away[:, 0]) + np.pi) % (2 * np.pi) - np.pi
     return np.asarray(np.exp(-0.5 * (off / _POINTING_SPREAD) ** 2) / (_POINTING_SPREAD * np.sqrt(2 * np.pi)))

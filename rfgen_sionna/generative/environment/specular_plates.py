@@ -1,9 +1,8 @@
-"""Mirror flashes: what walls, floors, ceilings and doors return where they are met at right angles.
+"""Specular plate returns: walls, floors, ceilings and doors at normal incidence.
 
-A flash fills a few pixels of an image at most, and outshines what lies around it. A small network smears it; what it
-must be follows from the sketch of a place: image theory for a flat face, with the Fresnel integrals of its extent.
-Pieces of furniture have none of ours: the boxes around them say too little of how flat they are, nor do windows, of
-which frame and pane are flat together.
+Such a return fills a few pixels and exceeds its surroundings; a small network smears it. It follows from the layout map
+by image theory for a flat face, with the Fresnel integrals of its extent. Furniture has none, since boxes do not give
+its flatness; windows have none, since frame and pane are coplanar.
 """
 
 from __future__ import annotations
@@ -24,44 +23,43 @@ from rfgen_sionna.scene.furnished.finishes import surface_material
 from rfgen_sionna.tracing.gains.diffuse import reflectance
 
 _NEAREST = 0.05
-"""Faces nearer than this have none [m]."""
+"""Least distance of a face [m]; below, the far-field form fails."""
 _NO_MIRRORS = ("window",)
-"""Of the shell."""
+"""Parts of the shell without specular return."""
 
 
 class SpecularReturns(NamedTuple):
-    """Of a view, (row, column)."""
+    """Specular returns of a view, (row, column)."""
 
     energy: FloatArray
-    """Isotropic |gain|^2; 0 where there is none."""
+    """|gain|² for isotropic elements; 0 elsewhere."""
     range: FloatArray
-    """[m]; 0 where there is none."""
+    """[m]; 0 elsewhere."""
 
 
 @cache
 def training_frequency() -> float:
-    """Of what the models learn from [Hz]: the middle of the AWR1843's band."""
+    """Frequency of the training data [Hz]: middle of the AWR1843's band."""
     return Radar.load("awr1843").center_frequency
 
 
 def specular_plate_returns(place: PrimitiveScene, layout_map: LayoutMap, view: View) -> SpecularReturns:
-    """The flashes that a view of a place of bricks shows.
+    """Specular plate returns of a view.
 
-    A face of Fresnel reflectance |Gamma|^2 and scattering coefficient S whose plane lies at the distance d returns
+    A face of Fresnel reflectance |Γ|² and scattering coefficient S at distance d returns
 
-        (lambda / (8 pi d))^2 |Gamma|^2 (1 - S^2) |F|^2
+        (λ / (8 π d))² |Γ|² (1 − S²) |F|²
 
-    if the foot of the perpendicular is on it. F is the product, over its two sides, of the Fresnel integrals from one
-    end to the other, 1 for a side without end. The four pixels around the foot share it by the squares of bilinear
-    weights, as far as they show the same piece.
+    if it contains the foot of the perpendicular. F is the product of the Fresnel integrals over both sides, 1 for an
+    infinite plate. The four pixels around the foot share the return by squared bilinear weights.
 
     Args:
         place: the place.
-        sketch: what `view` shows of it: what hides a foot hides its flash.
+        layout_map: of `view`; gives the visibility of a foot.
         view: in the world of the place.
     """
     energy, reach = np.zeros(view.size), np.zeros(view.size)
-    shell = place.parts[: place.shell]  # one box a piece
+    shell = place.parts[: place.shell]  # one box each
     own = np.einsum("bij,bj->bi", shell.axes, np.asarray(view.position) - shell.centre)
     wavelength = SPEED_OF_LIGHT / training_frequency()
     for side in range(3):
@@ -85,7 +83,7 @@ def specular_plate_returns(place: PrimitiveScene, layout_map: LayoutMap, view: V
 
 
 def _around(view: View, direction: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-    """Pixels of the view around a direction (3,), four at most, and each one's share of what comes from there."""
+    """At most four pixels around a direction (3,), and their shares."""
     row, column = (float(x) for x in view.coordinates(direction))
     if not (-0.5 <= row < view.resolution[0] - 0.5 and -0.5 <= column < view.resolution[1] - 0.5):
         return np.zeros(0, np.intp), np.zeros(0)
@@ -99,7 +97,7 @@ def _around(view: View, direction: FloatArray) -> tuple[NDArray[np.intp], FloatA
 
 @cache
 def _coherent(finish: str) -> float:
-    """(1 - S^2) |Gamma|^2 at normal incidence; 0 of what isn't known."""
+    """(1 − S²) |Γ|² at normal incidence; 0 for an unknown finish."""
     if not finish:
         return 0.0
     made_of = surface_material(finish, training_frequency())

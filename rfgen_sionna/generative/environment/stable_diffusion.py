@@ -1,4 +1,4 @@
-"""Stable Diffusion bases: prompts in, pictures out, PIRs through the convention that their RF LoRA draws in."""
+"""Stable Diffusion bases: pictures from prompts, converted to PIRs by the convention of their RF LoRA."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from safetensors.torch import load_file
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.environment.adapters import LoraError, LoraFacts, check_fits, find_lora, read_facts
-from rfgen_sionna.generative.environment.image_sampling import ImageSampler, Progress
-from rfgen_sionna.generative.environment.reprojection import NATIVE, KnownView, empty_pir
+from rfgen_sionna.generative.environment.image_sampling import DrawingOptions, Progress
+from rfgen_sionna.generative.environment.reprojection import NATIVE, empty_pir
 from rfgen_sionna.generative.environment.torch_device import memory_errors, precision
 from rfgen_sionna.pir.codec import AuthorsCodec, PirCodec
 from rfgen_sionna.pir.view import View
@@ -24,18 +24,18 @@ from rfgen_sionna.records import Pir
 FOV_DEG = 60.0
 """Field of view of the paper's images, square."""
 _AROUND = 0.75
-"""Strength at which a further view is drawn over what is known of it."""
+"""Strength of drawing over a reprojected view; keeps its layout."""
 
 
 class ModelError(ValueError):
-    """A diffusion base can't be had."""
+    """A Stable Diffusion base is unavailable."""
 
 
 def load_pipeline(name: str, dtype: torch.dtype) -> Any:
     """diffusers' text-to-image pipeline of a local folder or a hub name.
 
     Raises:
-        ModelError: it is neither there nor to be fetched.
+        ModelError: neither is available.
     """
     from diffusers import AutoPipelineForText2Image
 
@@ -50,16 +50,16 @@ def load_pipeline(name: str, dtype: torch.dtype) -> Any:
             "give the path of a downloaded pipeline (a folder with model_index.json), or a hub name and a network"
         ) from error
     if hasattr(pipeline, "safety_checker"):
-        pipeline.safety_checker = None  # it judges photographs
+        pipeline.safety_checker = None  # for photographs only
     pipeline.set_progress_bar_config(disable=True)
     return pipeline
 
 
 def load_lora_into(pipeline: Any, source: str | Path) -> LoraFacts:
-    """Merge a LoRA, ours or a released one (diffusers' or kohya's names), into a pipeline.
+    """Merge a LoRA (diffusers' or kohya's names) into a pipeline.
 
     Raises:
-        LoraError: it can't be found or read, or belongs to another base.
+        LoraError: it is missing or unreadable, or belongs to another base.
     """
     path = find_lora(source)
     facts = read_facts(path)
@@ -68,7 +68,7 @@ def load_lora_into(pipeline: Any, source: str | Path) -> LoraFacts:
     except TypeError:
         converted = pipeline.lora_state_dict(load_file(path))
     except (ValueError, KeyError) as error:
-        raise LoraError(f"lora: {path.name} has weights that diffusers doesn't know: {error}") from error
+        raise LoraError(f"lora: {path.name} has weights that diffusers cannot convert: {error}") from error
     check_fits(converted[0], pipeline.unet, path.name)
     try:
         pipeline.load_lora_weights(str(path.parent), weight_name=path.name)
@@ -80,13 +80,16 @@ def load_lora_into(pipeline: Any, source: str | Path) -> LoraFacts:
 
 
 class StableDiffusionModel:
-    """Draws with a Stable Diffusion base and its RF LoRA.
+    """Backend of a Stable Diffusion base and its RF LoRA.
 
     Args:
         name: folder or hub name of the base.
-        lora: RF LoRA; None draws with the base as it is, which makes sense for bases that were trained on PIRs.
-        device: where to draw.
-        half, compiled: whether in half precision (None: on CUDA), whether to compile the network.
+        lora: RF LoRA; None draws with the base alone, for bases trained on PIRs.
+        device: device of the pipeline.
+        half, compiled: whether to compute in half precision (None: on CUDA only), whether to compile the network.
+
+    Raises:
+        ModelError, LoraError: base or LoRA are unavailable or do not fit.
     """
 
     def __init__(
@@ -102,7 +105,7 @@ class StableDiffusionModel:
             self.pipeline.unet.compile()
 
     def check_view(self, view: View) -> None:
-        """Refuse views other than the paper's: words tell such a base nothing about fields of view."""
+        """Raise a ValueError for views other than the paper's."""
         if view.projection != "perspective":
             raise ValueError(
                 f"projection: {view.projection!r}; images of a Stable Diffusion base are in perspective, the embedded "
@@ -114,38 +117,17 @@ class StableDiffusionModel:
                 f"show {FOV_DEG:g} × {FOV_DEG:g}; the embedded model draws others"
             )
 
-    def draw(
-        self,
-        prompts: Sequence[str],
-        negative: str,
-        view: View,
-        sampler: ImageSampler,
-        seeds: Sequence[int],
-        known: KnownView | None,
-        first: View | None,
-        progress: Progress | None,
-    ) -> list[Pir]:
-        """Static PIRs of `view`, one after another: such bases fill a device with one image."""
-        return [
-            self._draw(prompt, negative, view, sampler, seed, known, progress)
-            for prompt, seed in zip(prompts, seeds, strict=True)
-        ]
+    def draw(self, prompts: Sequence[str], seeds: Sequence[int], options: DrawingOptions) -> list[Pir]:
+        """Static PIRs of one view, drawn one by one: one image fills a device."""
+        return [self._draw(prompt, seed, options) for prompt, seed in zip(prompts, seeds, strict=True)]
 
-    def _draw(
-        self,
-        prompt: str,
-        negative: str,
-        view: View,
-        sampler: ImageSampler,
-        seed: int,
-        known: KnownView | None,
-        progress: Progress | None,
-    ) -> Pir:
+    def _draw(self, prompt: str, seed: int, options: DrawingOptions) -> Pir:
+        sampler, known, progress = options.sampler, options.known, options.progress
         pipe = self.pipeline
         words = f"{self.facts.word} {prompt}".strip()
         settings: dict[str, Any] = {
             "prompt": words,
-            "negative_prompt": negative or None,
+            "negative_prompt": options.negative or None,
             "num_inference_steps": sampler.steps,
             "guidance_scale": sampler.guidance,
             "generator": torch.Generator().manual_seed(seed),
@@ -154,7 +136,7 @@ class StableDiffusionModel:
         if progress is not None:
             settings["callback_on_step_end"] = _reporter(progress, sampler.steps)
         pipe.scheduler = sampler.scheduler(pipe.scheduler)
-        like = empty_pir(view, np.zeros(NATIVE), np.zeros(NATIVE))
+        like = empty_pir(options.view, np.zeros(NATIVE), np.zeros(NATIVE))
         with memory_errors(str(pipe.device)):
             if known is not None:
                 from diffusers import AutoPipelineForImage2Image
@@ -181,8 +163,7 @@ class StableDiffusionModel:
 
 
 def _shrunk(image: FloatArray) -> FloatArray:
-    """(3, 64, 64) middle values of the blocks of a larger picture: means would invent ranges at edges. Of pictures that
-    aren't so many times larger, the nearest pixels."""
+    """(3, 64, 64) medians of the blocks of a larger picture, which keep edges; nearest pixels for other ratios."""
     channels, rows, columns = image.shape
     if rows % NATIVE[0] or columns % NATIVE[1]:
         row, column = (

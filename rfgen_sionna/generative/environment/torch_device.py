@@ -1,4 +1,4 @@
-"""The device that networks run on: its choice, its precision, and errors where its memory is short."""
+"""Device of the networks: choice, precision, and errors of its memory."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class DeviceMemoryError(BackendError):
 
 @contextmanager
 def memory_errors(device: str) -> Iterator[None]:
-    """Within it a device that runs out of memory is a :class:`DeviceMemoryError`, which says what helps."""
+    """Context that turns a device's lack of memory into a :class:`DeviceMemoryError`."""
     try:
         yield
     except torch.OutOfMemoryError as error:
@@ -27,7 +27,7 @@ def memory_errors(device: str) -> Iterator[None]:
 
 
 def precision(device: str, half: bool | None) -> torch.dtype:
-    """What networks compute in on a device; None is half precision on CUDA alone."""
+    """Floating-point type of the networks; None takes half precision on CUDA only."""
     on_cuda = torch.device(device).type == "cuda"
     if not (on_cuda if half is None else half):
         return torch.float32
@@ -35,10 +35,10 @@ def precision(device: str, half: bool | None) -> torch.dtype:
 
 
 def pick_device(device: str | None) -> str:
-    """The device that is meant.
+    """Name of a device; None takes CUDA where available.
 
     Raises:
-        ValueError: there is no such device here.
+        ValueError: there is no such device.
     """
     if device is None:
         return "cuda" if torch.cuda.is_available() else "cpu"

@@ -1,10 +1,8 @@
-"""What is known of an image before it is drawn: where each pixel looks, where a floor and walls would lie, a sketch.
+"""Denoising U-Net with a view's geometry and a layout map as further inputs, and its forward process.
 
-diffusers' U-Net with two more inputs. It reads the view from the token of numbers (`text.view_tokens`), so that
-diffusers' pipelines call it as any other: what follows from field of view, height and direction. Rooms stand square to
-the axes: on each of their surfaces the range is a distance over one component of the direction, which this gives the
-network for a few distances. A sketch (:mod:`.layout_map`) comes as `cross_attention_kwargs={"layout_map": …}`, which
-diffusers' pipelines hand on.
+The view comes in the token of numbers (:func:`~.place_encoder.view_tokens`), so that diffusers' pipelines call the
+network as any other. From it follow maps of direction and of the range of a floor, a ceiling and walls at a few
+distances. A layout map (:mod:`.layout_map`) comes as `cross_attention_kwargs={"layout_map": …}`.
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ from rfgen_sionna.pir.codec import PirCodec
 
 
 def make_scheduler() -> DDIMScheduler:
-    """The forward process and its sampler: v-prediction, scaled-linear betas, no signal at all in the last step."""
+    """Scheduler of the forward process: v-prediction, scaled-linear betas, zero terminal SNR, trailing DDIM steps."""
     return DDIMScheduler(
         num_train_timesteps=1000,
         beta_start=0.00085,
@@ -40,7 +38,7 @@ def make_scheduler() -> DDIMScheduler:
 
 
 _SHARES: Tensor = make_scheduler().alphas_cumprod
-"""(step,) of the latents' energy that is left."""
+"""(step,) share of the latents' energy."""
 
 
 def signal_and_noise(steps: Tensor) -> tuple[Tensor, Tensor]:
@@ -50,32 +48,34 @@ def signal_and_noise(steps: Tensor) -> tuple[Tensor, Tensor]:
 
 
 WALLS = (1.5, 4.0, 10.0)
-"""Distances of walls [m] whose ranges are given, ahead and aside."""
+"""Distances of walls [m] in the maps, ahead and aside."""
 CEILING = 2.7
-"""Height [m] of a ceiling whose range is given."""
+"""Height [m] of the ceiling in the maps."""
 MAPS = 5 + 2 * len(WALLS)
-"""Numbers of a pixel."""
+"""Channels of the maps."""
 KINDS = 128
-"""Kinds of things in sketches that are told apart at most, nothing among them."""
+"""Largest number of kinds in layout maps, with the empty one."""
 _NUMBERS = 8
-"""Of a view, in its token."""
+"""Numbers of a view in its token."""
 _KIND_EMBEDDING = 16
-"""Numbers that stand for a kind."""
+"""Numbers of a kind's embedding."""
 _LAYOUT_CHANNELS = 128
-"""Channels between a sketch and the network."""
+"""Hidden channels of the layout map's encoder."""
 _LEAST = 1e-3
+"""Least component of a direction in a quotient."""
 
 
 def decode_view_tokens(token: Tensor) -> Tensor:
-    """(view, 8) numbers that `text.view_tokens` wrote into (view, WIDTH): the inverse of its lowest frequency."""
+    """(view, 8) numbers of tokens (view, WIDTH): inverse of the lowest frequency of
+    :func:`~.place_encoder.view_tokens`."""
     bands = token.float().reshape(len(token), _NUMBERS, -1)
     half = bands.shape[-1] // 2
     return torch.atan2(bands[..., 0], bands[..., half]) / (0.25 * math.pi)
 
 
 def upright_view_tokens(tokens: Tensor) -> Tensor:
-    """(view, 1, WIDTH) tokens of the same views without roll and in perspective: networks that saw no others take what
-    lies where from the maps alone. Tokens of such views stay as they are."""
+    """(view, 1, WIDTH) tokens without roll and in perspective, for networks trained on such views only; those of such
+    views stay unchanged."""
     bands = tokens.reshape(len(tokens), _NUMBERS, -1)
     level = torch.zeros_like(bands)
     half = bands.shape[-1] // 2
@@ -91,10 +91,10 @@ def upright_view_tokens(tokens: Tensor) -> Tensor:
 
 
 def view_maps(token: Tensor, rows: int, columns: int, codec: PirCodec | None = None) -> Tensor:
-    """(view, MAPS, row, column) of the views in (view, WIDTH) tokens.
+    """(view, MAPS, row, column) maps of the views in (view, WIDTH) tokens.
 
-    The direction's components in the world, and the channel of range (:class:`PirCodec`) of the floor, of a ceiling,
-    and of walls square to x and y at `WALLS`.
+    Components of the direction in the world, and the channel of range (:class:`PirCodec`) of a floor, of a ceiling, and
+    of walls perpendicular to x and y at `WALLS`.
     """
     codec = codec or PirCodec()
     x = decode_view_tokens(token)
@@ -110,7 +110,7 @@ def view_maps(token: Tensor, rows: int, columns: int, codec: PirCodec | None = N
         left = (half[:, :1] * across)[:, None, :].expand(-1, rows, -1)
         return left, (half[:, 1:] * up)[:, :, None].expand(-1, -1, columns)
 
-    # Both of :class:`~rfgen_sionna.pir.projection.ImagePlane`.
+    # as in :class:`~rfgen_sionna.pir.projection.ImagePlane`
     left, above = spread(torch.tan(half.clamp(max=1.5)))
     device = torch.stack([torch.ones_like(left), left, above], dim=-1)
     azimuth, elevation = spread(half)
@@ -150,7 +150,7 @@ def _rotation(yaw: Tensor, pitch: Tensor, roll: Tensor) -> Tensor:
 
 
 class _SummingConv(nn.Conv2d):
-    """A convolution whose output something is added to."""
+    """Convolution with an added term."""
 
     added: Tensor | None = None
 
@@ -160,38 +160,37 @@ class _SummingConv(nn.Conv2d):
 
 
 class LayoutMapEncoder(nn.Module):
-    """From a sketch (image, CHANNELS, row, column) to what a network's first features gain by it.
+    """Encoder of layout maps (image, CHANNELS, row, column) to an addition to the network's first features.
 
-    Each patch's pixels are told as they are, kinds as the mean of what stands for them; and the latents that are
-    expected, and how far they stray.
+    Inputs: a patch's pixels, the mean embedding of its kinds, and mean and spread of the expected latents.
     """
 
     def __init__(self, width: int, latents: int) -> None:
         super().__init__()
         self.kind = nn.Embedding(KINDS, _KIND_EMBEDDING)
-        told = (CHANNELS - 1) * PATCH**2 + _KIND_EMBEDDING + 1 + 2 * latents
-        self.first = nn.Conv2d(told, _LAYOUT_CHANNELS, 3, padding=1)
+        inputs = (CHANNELS - 1) * PATCH**2 + _KIND_EMBEDDING + 1 + 2 * latents
+        self.first = nn.Conv2d(inputs, _LAYOUT_CHANNELS, 3, padding=1)
         self.last = nn.Conv2d(_LAYOUT_CHANNELS, width, 3, padding=1)
-        for parameter in self.last.parameters():  # no say before it has learnt one
+        for parameter in self.last.parameters():  # no effect before training
             nn.init.zeros_(parameter)
 
     def forward(self, layout_map: Tensor, mean: Tensor, spread: Tensor, given: Tensor) -> Tensor:
-        """(image, width, row / PATCH, column / PATCH); zero for images without a sketch."""
+        """(image, width, row / PATCH, column / PATCH); zero for images without a layout map."""
         traits = self.kind(layout_map[:, -1].long().clamp(0, KINDS - 1)).movedim(-1, 1)
         pixels = nn.functional.pixel_unshuffle(layout_map[:, :-1].to(self.last.weight), PATCH)
         traits = nn.functional.avg_pool2d(traits, PATCH)
         sky = nn.functional.avg_pool2d((layout_map[:, :1] >= 1.0).to(traits), PATCH)
-        told = torch.cat([pixels, traits, sky, mean.to(pixels), spread.log().to(pixels)], dim=1)
-        out: Tensor = self.last(nn.functional.silu(self.first(told)))
+        inputs = torch.cat([pixels, traits, sky, mean.to(pixels), spread.log().to(pixels)], dim=1)
+        out: Tensor = self.last(nn.functional.silu(self.first(inputs)))
         return out * given
 
 
 class ViewUNet(UNet2DConditionModel):
-    """diffusers' U-Net, which sees a view's maps and a sketch beside its latents; the first token is the view."""
+    """diffusers' U-Net with maps of the view and a layout map beside its latents; the first token is the view."""
 
     conv_in: nn.Conv2d
 
-    # Its signature is what diffusers writes into configurations.
+    # diffusers writes the signature into configurations
     @functools.wraps(UNet2DConditionModel.__init__)  # type: ignore[misc]
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -199,13 +198,13 @@ class ViewUNet(UNet2DConditionModel):
         self.conv_in = _SummingConv(old.in_channels, old.out_channels, 3, padding=1)
         self.conv_in.load_state_dict(old.state_dict())
         self.view_in = nn.Conv2d(MAPS * PATCH**2, old.out_channels, 3, padding=1)
-        for parameter in self.view_in.parameters():  # no say before it has learnt one
+        for parameter in self.view_in.parameters():  # no effect before training
             nn.init.zeros_(parameter)
         self.sketch_in = LayoutMapEncoder(old.out_channels, old.in_channels)
         self.register_buffer("spread", torch.ones(old.in_channels))
 
     spread: Tensor
-    """(latent,) standard deviations of latents, for images without a sketch."""
+    """(latent,) standard deviations of latents, for images without a layout map."""
 
     def forward(
         self,
@@ -216,14 +215,14 @@ class ViewUNet(UNet2DConditionModel):
         cross_attention_kwargs: dict[str, Any] | None = None,
         **kwargs: Any,
     ) -> Any:
-        """As the parent's; velocities come out.
+        """As the parent's, with velocities as output.
 
-        In `cross_attention_kwargs`, for all of a multiple of as many samples: `expected` and `spread` (image, latent,
-        row, column), of :class:`~.conditional_prior.Expected`, and with them `layout_map` (image, CHANNELS, row,
-        column); images of it that have none are drawn from words alone.
+        `cross_attention_kwargs` may hold `expected` and `spread` (image, latent, row, column) of a
+        :class:`~.conditional_prior.LatentPrior`, and `layout_map` (image, CHANNELS, row, column); the samples are a
+        multiple of the images. Images without a layout map are drawn from words alone.
         """
         rest = dict(cross_attention_kwargs or {})
-        layout_map, expected, about = (rest.pop(name, None) for name in ("sketch", "expected", "spread"))
+        layout_map, expected, about = (rest.pop(name, None) for name in ("layout_map", "expected", "spread"))
         kwargs["cross_attention_kwargs"] = rest or None
         count, (rows, columns) = len(sample), sample.shape[-2:]
         noisy = sample.float()
@@ -243,8 +242,7 @@ class ViewUNet(UNet2DConditionModel):
             if layout_map is not None:
                 shown = self.sketch_in(layout_map.to(sample.device), mean[: len(layout_map)], own, here.to(added))
                 added = added + shown.repeat(each)
-        # As Karras et al. (2022): what a normal distribution about the mean would make of the noisy latents is known,
-        # the network draws the rest, of unit variance whatever the noise.
+        # Karras et al. (2022): the posterior mean of a normal prior is known, the network draws the rest
         steps = torch.as_tensor(timestep, device=sample.device).reshape(-1).expand(count)
         signal, noise = signal_and_noise(steps)
         total = signal**2 * spread**2 + noise**2

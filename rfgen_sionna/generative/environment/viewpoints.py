@@ -1,4 +1,4 @@
-"""Where a radar stands and looks in a furnished place, and rendering what it sees."""
+"""Viewpoints of a radar in a furnished place, and their renders."""
 
 from __future__ import annotations
 
@@ -25,17 +25,18 @@ if TYPE_CHECKING:
     from rfgen_sionna.scene.mesh_actor import MeshActor
 
 NEAREST = 0.35
-"""Nothing in view is nearer to the radar [m]."""
+"""Least distance of objects in view [m]."""
 MEDIAN_DISTANCE = 0.9
-"""Half of what is in view is further away [m]."""
+"""Least median distance in view [m]."""
 MAX_ATTEMPTS = 80
+"""Random trials of a search; bounds its time."""
 FACET_WAVELENGTHS = 4.0
-"""Patches of the coherent returns [wavelengths at 3 m]: flat surfaces need no finer ones."""
+"""Size of the patches of coherent returns [wavelengths at 3 m]; enough for flat surfaces."""
 
 
 @dataclass(frozen=True)
 class ViewpointRanges:
-    """What views are drawn from."""
+    """Ranges of random views."""
 
     height: tuple[float, float] = (0.5, 2.0)
     """[m]"""
@@ -46,7 +47,7 @@ class ViewpointRanges:
     roll_deg: tuple[float, float] = (0.0, 0.0)
     """About the line of sight."""
     projections: tuple[Projection, ...] = PROJECTIONS[:1]
-    """As often each."""
+    """Equally probable projections."""
 
     def __post_init__(self) -> None:
         widest = 170.0 if "perspective" in self.projections else 360.0
@@ -63,7 +64,7 @@ class ViewpointRanges:
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """One view: where the radar is and how it looks."""
+    """Position and orientation of a view."""
 
     position: tuple[float, float, float]
     """[m]"""
@@ -82,22 +83,22 @@ class Viewpoint:
         return self.yaw, self.pitch, self.roll
 
     def view(self, resolution: tuple[int, int]) -> View:
-        """With pixels (rows, columns)."""
+        """View with pixels (rows, columns)."""
         fov = check_fov(self.fov_deg, self.projection, resolution)
         return View(resolution, fov, self.position, self.orientation, self.projection)
 
 
 class PlaceRenderer:
-    """A place ready to be looked at from anywhere; the tracer is shared by all views.
+    """A place with a tracer for all its views.
 
     Parameters
     ----------
     scene
         The place.
     radar
-        Its band counts.
+        Gives the band.
     actors
-        Who is in it.
+        People in it.
     """
 
     def __init__(self, scene: FurnishedScene, radar: Radar, actors: Sequence[MeshActor] = ()) -> None:
@@ -109,12 +110,12 @@ class PlaceRenderer:
         return self.tracer.geometry(0.0)[0]
 
     def first_hits(self, viewpoint: Viewpoint, rows: int, columns: int) -> tuple[NDArray[np.int32], FloatArray]:
-        """(pixel,) object in front in the middle of each pixel, -1 for none, and its distance [m]."""
+        """(pixel,) object at the middle of each pixel, −1 for none, and its distance [m]."""
         hits = self.rays.first_hit(viewpoint.position, viewpoint.view((rows, columns)).directions.reshape(-1, 3))
         return hits.object, hits.distance
 
     def in_view(self, objects: NDArray[np.int32], share: float = 0.004) -> list[str]:
-        """Kinds of things that fill at least a share of an image, the largest first."""
+        """Kinds that fill at least a share of an image, the largest first."""
         kinds = self.scene.kinds
         counts = Counter(kinds[i] for i in objects.tolist() if 0 <= i < len(kinds))
         return [kind for kind, count in counts.most_common() if count >= share * len(objects)]
@@ -135,12 +136,12 @@ class PlaceRenderer:
 
 
 def choose_viewpoint(renderer: PlaceRenderer, rng: np.random.Generator, ranges: ViewpointRanges) -> Viewpoint:
-    """A spot that is free, with a look at the furniture that is not blocked."""
+    """A random viewpoint on a free spot with an unobstructed view."""
     layout = renderer.scene.layout
     viewpoint = Viewpoint((0.0, 0.0, 1.0), 0.0, 0.0, 60.0)
     for _ in range(MAX_ATTEMPTS):
         height = float(rng.uniform(*ranges.height))
-        if rng.random() < 0.25:  # as in a run: in front of where somebody stands
+        if rng.random() < 0.25:  # as in a run: in front of a person
             x, y = float(rng.uniform(-0.2, 0.3)), float(rng.uniform(-0.3, 0.3))
             yaw = float(rng.uniform(-0.25, 0.25))
         else:
@@ -149,7 +150,7 @@ def choose_viewpoint(renderer: PlaceRenderer, rng: np.random.Generator, ranges: 
         viewpoint = Viewpoint(
             (x, y, height), yaw, float(np.radians(rng.uniform(*ranges.pitch_deg))), float(rng.uniform(*ranges.fov_deg))
         )
-        if ranges.roll_deg != (0.0, 0.0) or len(ranges.projections) > 1:  # so that other data sets stay as they were
+        if ranges.roll_deg != (0.0, 0.0) or len(ranges.projections) > 1:  # other data sets keep their random stream
             roll = float(np.radians(rng.uniform(*ranges.roll_deg)))
             viewpoint = replace(
                 viewpoint, roll=roll, projection=ranges.projections[int(rng.integers(len(ranges.projections)))]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -44,6 +45,7 @@ def with_hand(hand: str) -> str:
     return " with both hands" if hand == "both" else f" with the {hand} hand"
 
 
+_posture, _gesture = partial(Action, periodic=False), partial(Action, one_handed=True)
 ACTIONS: Mapping[str, Action] = MappingProxyType(
     {
         a.name: a
@@ -51,27 +53,24 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             Action("walk", "walks back and forth", walk),
             Action("jump", "jumps up on the spot", jumps.jump),
             Action("jumping_jacks", "does jumping jacks", jumps.jumping_jacks),
-            Action("pick_up", "picks up an item from the ground", pick_up, one_handed=True),
-            Action("t_pose", "holds a T pose", postures.t_pose, periodic=False),
-            Action("y_pose", "holds a Y pose", postures.y_pose, periodic=False),
-            Action("left_arm_raised", "raises the left arm", postures.left_arm_raised, periodic=False),
-            Action("right_arm_raised", "raises the right arm", postures.right_arm_raised, periodic=False),
-            Action("left_leg_raised", "raises the left leg", postures.left_leg_raised, periodic=False),
-            Action("right_leg_raised", "raises the right leg", postures.right_leg_raised, periodic=False),
-            Action("swipe_left", "swipes to the left", gestures.swipe_left, one_handed=True, crossing=True),
-            Action("swipe_right", "swipes to the right", gestures.swipe_right, one_handed=True, crossing=True),
-            Action("push", "pushes a hand forwards", gestures.push, one_handed=True),
-            Action("pull", "pulls a hand back", gestures.pull, one_handed=True),
-            Action("circle_clockwise", "draws clockwise circles", gestures.circle_clockwise, one_handed=True),
-            Action(
-                "circle_counterclockwise",
-                "draws counter-clockwise circles",
-                gestures.circle_counterclockwise,
-                one_handed=True,
+            _gesture("pick_up", "picks up an item from the ground", pick_up),
+            _posture("t_pose", "holds a T pose", postures.t_pose),
+            _posture("y_pose", "holds a Y pose", postures.y_pose),
+            _posture("left_arm_raised", "raises the left arm", partial(postures.arm_raised, side="left")),
+            _posture("right_arm_raised", "raises the right arm", partial(postures.arm_raised, side="right")),
+            _posture("left_leg_raised", "raises the left leg", partial(postures.leg_raised, side="left")),
+            _posture("right_leg_raised", "raises the right leg", partial(postures.leg_raised, side="right")),
+            _gesture("swipe_left", "swipes to the left", partial(gestures.swipe, towards=1), crossing=True),
+            _gesture("swipe_right", "swipes to the right", partial(gestures.swipe, towards=-1), crossing=True),
+            _gesture("push", "pushes a hand forwards", gestures.push),
+            _gesture("pull", "pulls a hand back", gestures.pull),
+            _gesture("circle_clockwise", "draws clockwise circles", partial(gestures.circle, clockwise=True)),
+            _gesture(
+                "circle_counterclockwise", "draws counter-clockwise circles", partial(gestures.circle, clockwise=False)
             ),
-            Action("click", "clicks with the index finger", gestures.click, one_handed=True),
-            Action("finger_swing", "swings the index finger", gestures.finger_swing, one_handed=True),
-            Action("standing", "stands", postures.standing, periodic=False),
+            _gesture("click", "clicks with the index finger", gestures.click),
+            _gesture("finger_swing", "swings the index finger", gestures.finger_swing),
+            _posture("standing", "stands", postures.standing),
             # append only: random streams depend on the index of an action
             Action("walk_straight", "walks straight ahead", walk_straight),
         )

@@ -63,7 +63,7 @@ def _drift(tracks: MotionTracks, rng: np.random.Generator, size: float = 0.012) 
     return np.stack([wander(tracks.t, rng, size, 0.15, 1.2) for _ in range(3)], axis=-1)
 
 
-def _swipe(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, towards: int) -> None:
+def swipe(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, towards: int) -> None:
     """A quick stroke of the open hand across the body; `towards` is +1 for the person's left."""
     reach = _ready(tracks, rng, hand)
     s = side_sign(hand)
@@ -93,16 +93,6 @@ def _swipe(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: flo
     wrist.curl = OPEN_HAND * rng.uniform(0.5, 2.0) + 0.35 * (1.0 - flat)[:, None, None] * (FIST - OPEN_HAND) * 0.5
     tracks.turn += 0.12 * s * across * rng.uniform(0.5, 1.2)
     stand_up_straight(tracks)
-
-
-def swipe_left(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The hand sweeps quickly to the person's left."""
-    _swipe(tracks, rng, hand, speed, 1)
-
-
-def swipe_right(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The hand sweeps quickly to the person's right."""
-    _swipe(tracks, rng, hand, speed, -1)
 
 
 def _to_and_fro(
@@ -164,7 +154,7 @@ def pull(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float
     stand_up_straight(tracks)
 
 
-def _circle(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, clockwise: bool) -> None:
+def circle(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, clockwise: bool) -> None:
     """Circles of the hand in a plane in front of the body; the sense is from the person's view."""
     reach = _ready(tracks, rng, hand)
     s, t = side_sign(hand), tracks.t
@@ -185,16 +175,6 @@ def _circle(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: fl
     wrist.curl = np.broadcast_to(POINTING if rng.uniform() < 0.5 else OPEN_HAND * 3.0, (tracks.n, 5, 3)).copy()
     tracks.turn += -0.05 * right
     stand_up_straight(tracks)
-
-
-def circle_clockwise(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The hand draws circles, clockwise from the person's view."""
-    _circle(tracks, rng, hand, speed, True)
-
-
-def circle_counterclockwise(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The hand draws circles, counter-clockwise from the person's view."""
-    _circle(tracks, rng, hand, speed, False)
 
 
 def click(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:

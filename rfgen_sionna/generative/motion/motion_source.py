@@ -33,7 +33,6 @@ class MotionSource(Protocol):
             hand: "left", "right" or "both" for gestures (swipes take one hand); None lets the source choose.
             speed: factor on the usual speed of the action.
         """
-        ...
 
 
 class PromptReading(Protocol):
@@ -42,32 +41,26 @@ class PromptReading(Protocol):
     @property
     def action(self) -> str:
         """Likeliest action."""
-        ...
 
     @property
     def share(self) -> float:
         """Its probability."""
-        ...
 
     @property
     def arms(self) -> str:
         """Action of the arms at the same time, or empty."""
-        ...
 
     @property
     def known(self) -> bool:
         """Whether the sentence is within the training vocabulary."""
-        ...
 
     @property
     def unknown(self) -> tuple[str, ...]:
         """Words outside the training vocabulary."""
-        ...
 
     @property
     def ranking(self) -> tuple[str, ...]:
         """All actions, likeliest first."""
-        ...
 
 
 @runtime_checkable
@@ -77,16 +70,13 @@ class SentenceSource(MotionSource, Protocol):
     @property
     def arms(self) -> Sequence[str]:
         """Arm actions that combine with those of :attr:`legs`."""
-        ...
 
     @property
     def legs(self) -> Sequence[str]:
         """Actions that leave the arms free."""
-        ...
 
     def read(self, prompt: str) -> PromptReading:
         """Reading of a sentence."""
-        ...
 
     def generate(
         self,
@@ -102,4 +92,3 @@ class SentenceSource(MotionSource, Protocol):
     ) -> Motion:
         """A motion from a sentence that was read as `action`, with `arms` as action of the arms; the rest as in a
         call."""
-        ...

