@@ -82,66 +82,36 @@ def _slot_angles(presets: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]
 
 _NUMBER = (int, float)
 
-CHIRP: dict[str, tuple[type, ...]] = {
-    "start_frequency_hz": _NUMBER,
-    "slope_hz_per_s": _NUMBER,
-    "sample_rate_hz": _NUMBER,
-    "idle_time_s": _NUMBER,
-    "adc_start_time_s": _NUMBER,
-    "ramp_end_time_s": _NUMBER,
-}
-"""Keys of a chirp: of a preset, or of each of its profiles."""
+_Types = tuple[type, ...]
 
-_SCHEMA: dict[str, dict[str, tuple[type, ...]]] = {
-    "": {
-        "name": (str,),
-        "description": (str,),
-        "default_preset": (str,),
-        "array": (dict,),
-        "pattern": (dict,),
-        "transmitter": (dict,),
-        "receiver": (dict,),
-        "adc": (dict,),
-        "preset": (dict,),
-        "source": (dict,),
-    },
-    "array": {
-        "design_frequency_hz": _NUMBER,
-        "tx_names": (list,),
-        "tx_positions_half_wavelengths": (list,),
-        "tx_positions_m": (list,),
-        "rx_names": (list,),
-        "rx_positions_half_wavelengths": (list,),
-        "rx_positions_m": (list,),
-        "polarization": (str,),
-        "tx_polarization": (str,),
-        "rx_polarization": (str,),
-    },
-    "pattern": {
-        "kind": (str,),
-        "file": (str,),
-        "peak_gain_dbi": _NUMBER,
-        "azimuth_deg": (list,),
-        "azimuth_db": (list,),
-        "elevation_deg": (list,),
-        "elevation_db": (list,),
-    },
+
+def _keys(types: _Types, *keys: str) -> dict[str, _Types]:
+    return dict.fromkeys(keys, types)
+
+
+CHIRP = _keys(
+    _NUMBER,
+    *("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "idle_time_s", "adc_start_time_s", "ramp_end_time_s"),
+)
+"""Keys of a chirp, in the order of the fields of :class:`~rfgen_sionna.radar.profile.Profile`."""
+
+_SCHEMA: dict[str, dict[str, _Types]] = {
+    "": _keys((str,), "name", "description", "default_preset")
+    | _keys((dict,), "array", "pattern", "transmitter", "receiver", "adc", "preset", "source"),
+    "array": _keys(_NUMBER, "design_frequency_hz")
+    | _keys((list,), "tx_names", "tx_positions_half_wavelengths", "tx_positions_m")
+    | _keys((list,), "rx_names", "rx_positions_half_wavelengths", "rx_positions_m")
+    | _keys((str,), "polarization", "tx_polarization", "rx_polarization"),
+    "pattern": _keys((str,), "kind", "file")
+    | _keys(_NUMBER, "peak_gain_dbi")
+    | _keys((list,), "azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db"),
     "transmitter": {"power_dbm": _NUMBER, "frequency_range_hz": (list,), "phase_step_deg": _NUMBER},
-    "receiver": {"noise_figure_db": _NUMBER, "temperature_k": _NUMBER},
+    "receiver": _keys(_NUMBER, "noise_figure_db", "temperature_k"),
     "adc": {"bits": (int,), "full_scale_dbm": (*_NUMBER, str)},
     "preset": CHIRP
-    | {
-        "num_samples": (int,),
-        "num_loops": (int,),
-        "tx_order": (list,),
-        "frame_period_s": _NUMBER,
-        "multiplexing": (str,),
-        "bpm_code": (list,),
-        "doppler_bands": (int,),
-        "profile": (list,),
-        "slot": (list,),
-        "max_range_m": _NUMBER,
-    },
+    | {"num_samples": (int,), "num_loops": (int,), "tx_order": (list,), "frame_period_s": _NUMBER}
+    | {"multiplexing": (str,), "bpm_code": (list,), "doppler_bands": (int,)}
+    | {"profile": (list,), "slot": (list,), "max_range_m": _NUMBER},
     "profile": CHIRP,
     "slot": {"tx": (list,), "profile": (int,), "phase_deg": (list,), "advance_deg": (list,)},
 }
@@ -160,19 +130,11 @@ _OPTIONAL: dict[str, set[str]] = {
 }
 """Keys that a section may leave out, subject to the checks of that section."""
 
-_ITEMS: dict[str, tuple[type, ...]] = {
-    "tx_names": (str,),
-    "rx_names": (str,),
-    "tx_order": (str,),
-    "tx_positions_half_wavelengths": (list,),
-    "tx_positions_m": (list,),
-    "rx_positions_half_wavelengths": (list,),
-    "rx_positions_m": (list,),
-    "bpm_code": (list,),
-    "profile": (dict,),
-    "slot": (dict,),
-    "tx": (str,),
-}
+_ITEMS: dict[str, _Types] = (
+    _keys((str,), "tx_names", "rx_names", "tx_order", "tx")
+    | _keys((list,), *_POSITIONS["tx"], *_POSITIONS["rx"], "bpm_code")
+    | _keys((dict,), "profile", "slot")
+)
 """Types of list entries; other lists hold numbers."""
 
 

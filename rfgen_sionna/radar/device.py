@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.radar.adc import Adc
-from rfgen_sionna.radar.config import RadarConfigError, check_cut, check_plausible
+from rfgen_sionna.radar.config import CHIRP, RadarConfigError, check_cut, check_plausible
 from rfgen_sionna.radar.pattern import ElementPattern, NamedPattern, Pattern
 from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.slots import Slot, coded_slots, doppler_slot, hadamard_code, single
@@ -129,14 +129,6 @@ def _pattern(pattern: dict[str, Any], folder: Path, frequency: float) -> Pattern
     return ElementPattern(float(pattern["peak_gain_dbi"]), **cuts)
 
 
-_UNITS = {
-    "start_frequency": "hz",
-    "slope": "hz_per_s",
-    "sample_rate": "hz",
-    "idle_time": "s",
-    "adc_start_time": "s",
-    "ramp_end_time": "s",
-}
 _PLAUSIBLE = {
     "sample_rate_hz": (1e3, 1e9),
     "slope_hz_per_s": (1e8, 1e16),
@@ -171,15 +163,12 @@ def preset_waveform(
     for key, (low, high) in (("frame_period_s", _FRAME_PERIOD), ("max_range_m", _RANGE_LIMIT)):
         if key in preset:
             check_plausible(where, key, preset[key], low, high)
-    profiles = [
-        Profile(**{field.name: float(chirp[f"{field.name}_{_UNITS[field.name]}"]) for field in fields(Profile)})
-        for chirp in chirps
-    ]
+    profiles = [Profile(*(float(chirp[key]) for key in CHIRP)) for chirp in chirps]
     fired = _fired(preset, names, where)
     scheme = preset.get("multiplexing", "tdm")
     plain = "tx_order" in preset and scheme == "tdm" and len(profiles) == 1
     waveform = Waveform(
-        **{field.name: getattr(profiles[0], field.name) for field in fields(Profile)},
+        **asdict(profiles[0]),
         num_samples=preset["num_samples"],
         num_loops=preset["num_loops"],
         tx_order=tuple(fired.index(tx) for tx in preset["tx_order"]) if plain else (),

@@ -9,7 +9,7 @@ in float64.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -44,9 +44,7 @@ class Hits:
 
     def take(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Hits:
         """Hits of a subset of the rays."""
-        return Hits(
-            self.distance[index], self.object[index], self.face[index], self.facet[index], self.barycentric[index]
-        )
+        return Hits(*(getattr(self, item.name)[index] for item in fields(self)))
 
 
 class RayScene:
@@ -175,9 +173,7 @@ class RayScene:
         return np.asarray(blocked)
 
     def _trace(self, origins: FloatArray, directions: FloatArray) -> Hits:
-        parts = [self._launch(o, d, True) for o, d in _chunks(origins, directions)]
-        facet = np.concatenate([p[0] for p in parts]) if parts else np.empty(0, np.int64)
-        u, v = (np.concatenate([p[i] for p in parts]) if parts else np.empty(0) for i in (2, 3))
+        facet, _, u, v = self._trace_raw(origins, directions, uv=True)
         hit = facet >= 0
         weights = np.stack([1.0 - u - v, u, v], axis=1)
         weights[~hit] = np.nan
@@ -195,11 +191,12 @@ class RayScene:
             barycentric=weights,
         )
 
-    def _trace_raw(self, origins: FloatArray, directions: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-        parts = [self._launch(o, d, False) for o, d in _chunks(origins, directions)]
+    def _trace_raw(self, origins: FloatArray, directions: FloatArray, uv: bool = False) -> tuple[NDArray[Any], ...]:
+        """Facet (int64, -1 for none), distance and, with `uv`, barycentric u and v, float64."""
+        parts = [self._launch(o, d, uv) for o, d in _chunks(origins, directions)]
         if not parts:
-            return np.empty(0, np.int64), np.empty(0)
-        return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+            return np.empty(0, np.int64), *(np.empty(0) for _ in range(3 if uv else 1))
+        return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
     def corners(self, facets: NDArray[np.int64]) -> FloatArray:
         """(facet, corner, 3) present positions of the corners of facets [m]."""
@@ -211,7 +208,7 @@ class RayScene:
         return out
 
     def _launch(self, origins: FloatArray, directions: FloatArray, uv: bool) -> tuple[NDArray[Any], ...]:
-        """Facet (int64, -1 for none), distance and, with `uv`, barycentric u and v of one chunk (float64)."""
+        """:meth:`_trace_raw` of one chunk."""
         import drjit as dr
         import mitsuba as mi
 

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.checks.collision import (
     ALLOWED,
     FINEST_STEP,
     Collision,
     CollisionFinder,
+    FrozenMesh,
     check_times,
     report_collisions,
 )
@@ -101,7 +102,7 @@ class _Pair:
         for here, there in ((0, 1), (1, 0)):
             if self._is_sheet(here) or self._surrounds(here, np.asarray(viewpoint, np.float64)):
                 continue
-            frozen = _FrozenActor(self.bodies[there].name, self.vertices[there], self.bodies[there].faces)
+            frozen = FrozenMesh(self.bodies[there].name, self.vertices[there], self.bodies[there].faces)
             rays = RayScene([(frozen.vertices, frozen.faces)], origin=viewpoint)
             finder = CollisionFinder([frozen], rays, self.bodies[here])
             for each in finder.find(self.time, self.time):
@@ -144,15 +145,6 @@ class _Pair:
         if (viewpoint < vertices.min(axis=0)).any() or (viewpoint > vertices.max(axis=0)).any():
             return False
         return bool(abs(winding_number(viewpoint, vertices, self.bodies[which].faces)[0]) > 0.75)
-
-
-@dataclass(frozen=True)
-class _FrozenActor:
-    """An actor at one time, as a static mesh."""
-
-    name: str
-    vertices: FloatArray
-    faces: IntArray
 
 
 def _between(before: _Pair, after: _Pair, viewpoint: ArrayLike) -> Iterator[ActorOverlap]:

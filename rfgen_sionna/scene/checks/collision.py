@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.checks.radar_distance import Obstacle, distance, surface_of, winding_number
 from rfgen_sionna.scene.rays import Hits, RayScene
+from rfgen_sionna.scene.scene import StaticObject
 from rfgen_sionna.scene.scene_errors import SceneError
 
 CONTACT = 0.02
@@ -37,21 +37,15 @@ _DIRECTIONS = np.array(
 _DIRECTIONS = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 
-class NamedMesh(Protocol):
-    """An object of a scene, or another actor at one time."""
+@dataclass(frozen=True)
+class FrozenMesh:
+    """A moving mesh at one time."""
 
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def vertices(self) -> FloatArray:
-        """(vertex, 3) [m]."""
-        ...
-
-    @property
-    def faces(self) -> IntArray:
-        """(face, 3)."""
-        ...
+    name: str
+    vertices: FloatArray
+    """(vertex, 3) [m]."""
+    faces: IntArray
+    """(face, 3)."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +90,7 @@ class CollisionFinder:
         A moving mesh of constant faces.
     """
 
-    def __init__(self, objects: Sequence[NamedMesh], rays: RayScene, actor: Obstacle) -> None:
+    def __init__(self, objects: Sequence[FrozenMesh | StaticObject], rays: RayScene, actor: Obstacle) -> None:
         self._items = objects
         self._rays = rays
         self._actor = actor = surface_of(actor)
