@@ -1,6 +1,6 @@
-"""Synthetic radar data of people moving in rooms, from a sentence to ADC cubes, on Sionna RT.
+"""Synthetic radar data of people in rooms, from a sentence to ADC cubes, on Sionna RT.
 
-The names below are loaded when they are first used: importing the package imports neither Mitsuba nor torch.
+Public names are loaded at first use: an import of the package imports neither Mitsuba nor torch.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _HOMES = {
     "material": "scene",
     "open_run": "dataset",
 }
-"""Public name -> module of this package that defines it."""
+"""Public name -> module that defines it."""
 
 __all__ = ["__version__", *_HOMES]
 

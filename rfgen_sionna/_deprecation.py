@@ -1,4 +1,4 @@
-"""Former public names, which warn and keep working for one version."""
+"""Former public names, which work for one version with a warning."""
 
 from __future__ import annotations
 
@@ -9,21 +9,13 @@ from typing import Any
 
 
 def warn_renamed(old: str, new: str, *, stacklevel: int = 3) -> None:
-    """Warn that `old` is a former name, and name its successor.
-
-    Parameters
-    ----------
-    old, new
-        Names, as a user writes them.
-    stacklevel
-        As of `warnings.warn`; 3 is the line that calls the function that warns.
-    """
+    """Warn that `old` is the former name of `new`; `stacklevel` is that of `warnings.warn`."""
     message = f"{old} is deprecated and will be removed in the next version: use {new}"
     warnings.warn(message, DeprecationWarning, stacklevel=stacklevel)
 
 
 class Renamed:
-    """Former name of an attribute or a method of a class. Access warns and returns the attribute `new`."""
+    """Former name of the attribute or method `new` of a class."""
 
     def __init__(self, new: str) -> None:
         self._new = new
@@ -38,15 +30,7 @@ class Renamed:
 
 
 def former_names(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
-    """`__getattr__` of a module with former names.
-
-    Parameters
-    ----------
-    module
-        Its `__name__`.
-    names
-        Former name to the name that the module has now.
-    """
+    """`__getattr__` of the module named `module`; `names` maps former names to present ones."""
 
     def get(name: str) -> Any:
         if name not in names:

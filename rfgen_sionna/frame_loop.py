@@ -1,4 +1,4 @@
-"""The frame loop: one thread traces while another sums, or several processes do both."""
+"""Frame loop: one thread traces while another sums, or several processes do both."""
 
 from __future__ import annotations
 
@@ -18,14 +18,19 @@ from rfgen_sionna.processes import map_in_processes
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.signal import synthesize
-from rfgen_sionna.signal.synthesis_accuracy import required_eps
+from rfgen_sionna.signal.path_phases import element_gains
 from rfgen_sionna.tracing.report import TraceReport
 from rfgen_sionna.tracing.tracer import Tracer
 
-TIDIED_EVERY = 50
+TRIM_INTERVAL = 50
 """Number of frames after which free memory goes back to the system."""
 RUN = 4
 """Number of consecutive frames that one process computes."""
+TOLERANCE_SHARE = 0.3
+"""Share of the tolerance for the sum of the paths."""
+MIN_EPS = 1e-7
+"""Lower bound of the accuracy of a sum, where paths of one of many objects cancel."""
+_BAND_POSITIONS = (-1.0, 0.0, 1.0)  # in half bands, for the estimate of an object's return
 
 
 class TracedFrame(NamedTuple):
@@ -39,30 +44,30 @@ class TracedFrame(NamedTuple):
     """Computes all other paths, on any thread."""
     report: TraceReport
     image_paths: tuple[RadarPaths, ...]
-    """Actors and imagined surroundings, for images; empty where surroundings are modelled."""
-    still: int
+    """Paths of actors and imagined surroundings, for images; empty for modelled surroundings."""
+    num_static: int
     """Number of static objects, the first ones, which share one tolerance."""
 
 
 def frame_tracer(
     tracer: Tracer, fusion: FusedTracer | None, times: NDArray[np.float64]
 ) -> Callable[[float], TracedFrame]:
-    """Function that traces the frame that begins at one of the `times` [s]. Frames are traced one after another: each
-    starts from the facets of the one before."""
+    """Function that traces the frame that begins at one of the `times` [s], in turn: each frame starts from the facets
+    of the one before."""
     moving, length = tracer.follow(), tracer.radar.waveform.frame_length
-    still = sum(each.still for each in (*tracer.surfaces.static, *tracer.surfaces.moving))
+    num_static = sum(each.still for each in (*tracer.surfaces.static, *tracer.surfaces.moving))
     if fusion is None:
 
         def traced(begin: float) -> TracedFrame:
             found = tracer.trace(begin, begin + length, moving)
-            return TracedFrame(begin, (found.static,), found.changing, found.report, (), still)
+            return TracedFrame(begin, (found.static,), found.changing, found.report, (), num_static)
 
         return traced
     refinement = fusion.refinement(float(times[0]), float(times[-1]) + length)
 
     def fused(begin: float) -> TracedFrame:
         found = fusion.trace(begin, begin + length, moving, refinement)
-        return TracedFrame(begin, (), partial(tuple, found.parts), found.report, found.parts, still)
+        return TracedFrame(begin, (), partial(tuple, found.parts), found.report, found.parts, num_static)
 
     return fused
 
@@ -80,9 +85,8 @@ def frame_samples(
     """Samples (chirp, tx, rx, sample) of each frame before the receiver, and the traced frame without its paths.
 
     One worker traces in the caller's thread while another thread sums. Several workers are processes; each traces and
-    sums `RUN` frames at a time, from the facets of the first frame. Their samples are the same to the bit whatever
-    their number. The sum of each object is accurate to a share of `rtol` of itself
-    (:mod:`rfgen_sionna.signal.synthesis_accuracy`).
+    sums `RUN` frames at a time, from the facets of the first frame, with the same samples for any number of them.
+    The relative error of the sum of each object is a share of `rtol` (:func:`required_eps`).
 
     Parameters
     ----------
@@ -91,14 +95,14 @@ def frame_samples(
     gains, device
         As `tx_gains` and `device` of :func:`rfgen_sionna.signal.synthesize`.
     begun
-        Called once the static scene is traced, where there is one.
+        Called after the trace of a static scene.
     """
 
     @one_blas_thread()
-    def samples(parts: Callable[[], Sequence[RadarPaths]], start: float, still: int) -> NDArray[np.complex128]:
+    def samples(parts: Callable[[], Sequence[RadarPaths]], start: float, num_static: int) -> NDArray[np.complex128]:
         total = np.zeros(radar.frame_shape, dtype=np.complex128)
         for part in parts():
-            eps = required_eps(radar, part, rtol, still)
+            eps = required_eps(radar, part, rtol, num_static)
             total += synthesize(radar, part, start, eps=eps, tx_gains=gains, device=device)
         return total
 
@@ -106,42 +110,77 @@ def frame_samples(
         return frame._replace(static=(), parts=tuple)
 
     first = trace(float(times[0]))
-    still: NDArray[np.complex128] | float = 0.0
+    static: NDArray[np.complex128] | float = 0.0
     if first.static:
         begun()
-        # Nothing in it changes: one synthesis serves every frame.
-        still = samples(partial(tuple, first.static), 0.0, first.still)
+        # One synthesis of the static scene for all frames.
+        static = samples(partial(tuple, first.static), 0.0, first.num_static)
     if workers > 1:
 
         def of_frame(number: int) -> tuple[NDArray[np.complex128], TracedFrame]:
             frame = trace(float(times[number]))
-            return samples(frame.parts, frame.begin, frame.still), emptied(frame)
+            return samples(frame.parts, frame.begin, frame.num_static), emptied(frame)
 
-        yield samples(first.parts, first.begin, first.still) + still, emptied(first)
+        yield samples(first.parts, first.begin, first.num_static) + static, emptied(first)
         runs = [range(start, min(start + RUN, len(times))) for start in range(1, len(times), RUN)]
         for made, frame in map_in_processes(of_frame, runs, workers):
-            yield made + still, frame
+            yield made + static, frame
         return
     rest, frames = map(trace, times[1:].tolist()), 0
     now: TracedFrame | None = first
     with ThreadPoolExecutor(1, "rfgen-samples") as other:
         while now is not None:
-            summed = other.submit(samples, now.parts, now.begin, now.still)
+            summed = other.submit(samples, now.parts, now.begin, now.num_static)
             following, failure = None, None
             try:
                 following = next(rest, None)
-            except Exception as error:  # once this frame, which is whole, is handed over
+            except Exception as error:  # raised after this frame, which is complete
                 failure = error
-            yield summed.result() + still, emptied(now)
+            yield summed.result() + static, emptied(now)
             if failure is not None:
                 raise failure
             now, frames = following, frames + 1
-            if frames % TIDIED_EVERY == 0:
-                _tidy()
+            if frames % TRIM_INTERVAL == 0:
+                _trim_memory()
 
 
-def _tidy() -> None:
-    """Give free memory back to the system. glibc keeps the gaps between blocks in use, which grow as the sizes of
-    arrays change from frame to frame. Other C libraries are left alone."""
+def _trim_memory() -> None:
+    """Give free memory of glibc, which fragments as arrays change size, back to the system."""
     with suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).malloc_trim(0)
+
+
+def required_eps(radar: Radar, paths: RadarPaths, rtol: float, num_static: int = 0) -> float:
+    """`eps` of :func:`rfgen_sionna.signal.synthesize` for a relative error of each object's samples of at most
+    `TOLERANCE_SHARE` of `rtol`.
+
+    The error of a transform is relative to the energies of the single paths, the tolerance to the coherent sum of an
+    object, which may be a thousandth for an oblique plate. The ratio is estimated for one element pair, at the middle
+    time and three frequencies. The first `num_static` objects share one tolerance, relative to their single paths.
+    """
+    loose, tight = TOLERANCE_SHARE * rtol, min(MIN_EPS, TOLERANCE_SHARE * rtol)
+    if not paths.num_paths:
+        return loose
+    gains, patterns = paths.a[0, 0], element_gains(radar, paths)
+    weight = patterns[:, patterns.shape[1] // 2]
+    middle = gains.shape[1] // 2
+    tau = paths.tau[0, 0, :, paths.tau.shape[3] // 2]
+    orders = [gains[:, middle]]
+    if paths.dispersion is not None:
+        orders += [each[0, 0, :, each.shape[3] // 2] for each in paths.dispersion]
+    count, group = len(paths.object_names), np.where(paths.object_id < num_static, 0, paths.object_id)
+    coherent = np.zeros(count)
+    for place in _BAND_POSITIONS:
+        frequency = paths.frequency + place * paths.half_band
+        waves = sum(each * place**order for order, each in enumerate(orders))
+        waves = waves * weight * np.exp(-2j * np.pi * np.mod(frequency * tau, 1.0))
+        real, imaginary = (np.bincount(group, part, count) for part in (waves.real, waves.imag))
+        coherent += (real**2 + imaginary**2) / len(_BAND_POSITIONS)
+    single = np.abs(orders[0] * weight) ** 2
+    incoherent = float(np.sqrt(single.sum()))
+    if num_static:
+        coherent[0] = max(coherent[0], single[group == 0].sum())
+    if not incoherent > 0.0:
+        return loose
+    weakest = coherent[np.unique(group)].min()
+    return float(np.clip(loose * np.sqrt(weakest) / incoherent, max(tight, 1e-9), max(loose, 1e-9)))

@@ -1,4 +1,4 @@
-"""Arguments of a run that are checked before the prompt is read: by the pipeline, and by the command line first."""
+"""Checks of the arguments of a run before the prompt is read, for the pipeline and the command line."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.simulation import Simulator
 
 RADAR_POSITION = (0.0, 0.0, 1.0)
-"""Default place of a radar [m]; our rooms are laid out around it."""
+"""Default position of a radar [m], for which the shipped rooms are made."""
 RADAR_TARGET = (3.0, 0.0, 1.0)
 """Default target of its boresight [m]."""
 
@@ -51,12 +51,9 @@ def check_options(
     device: str,
     workers: int,
 ) -> tuple[Radar, Receiver, int]:
-    """Check the arguments of :func:`rfgen_sionna.pipeline.generate` that do not depend on the prompt, before any model
-    is imported, scene read or body built.
+    """Placed radar, receiver and number of frames of the arguments of :func:`rfgen_sionna.pipeline.generate`.
 
-    Returns
-    -------
-    The placed radar, its receiver, and the number of frames.
+    The check imports no model, reads no scene and builds no body.
 
     Raises
     ------
@@ -70,9 +67,9 @@ def check_options(
     target = Path("run.h5") if output is None else check_output(output, overwrite)
     chosen_view(pir_resolution, fov_deg, projection, split_source(environment)[0])
     radar = _placed_radar(radar, preset, radar_position, look_at)
-    radar.to_dict()  # what no file can hold is refused now
+    radar.to_dict()  # refuses a radar that no file can hold
     empty = Simulator(None, radar, rtol=rtol, collisions=collisions, max_bounces=max_bounces, transmission=transmission)
-    # By default images may be larger than imagined ones, which is known when the prompt is.
+    # The default image size depends on the prompt: the smaller one is checked.
     check_size(duration, radar, IMAGE_PIXELS if pir_resolution is None else pir_resolution, target)
     return radar, _receiver(receiver, radar, noise), len(empty.frame_times(duration))
 
@@ -81,14 +78,13 @@ def chosen_view(
     resolution: tuple[int, int] | None, fov_deg: float | tuple[float, float] | None, projection: str, kind: str
 ) -> tuple[tuple[int, int], float | tuple[float, float]]:
     """Resolution and field of view [degrees] of the images in the file, checked."""
-    usual = (IMAGE_PIXELS, IMAGE_FOV) if kind == "diffusion" else ((128, 128), 60.0)
-    resolution, fov = usual[0] if resolution is None else resolution, usual[1] if fov_deg is None else fov_deg
+    default = (IMAGE_PIXELS, IMAGE_FOV) if kind == "diffusion" else ((128, 128), 60.0)
+    resolution, fov = default[0] if resolution is None else resolution, default[1] if fov_deg is None else fov_deg
     check_view(resolution, fov, projection)
     return resolution, fov
 
 
 def _receiver(receiver: Any, radar: Radar, noise: bool) -> Receiver:
-    """Receiver of the arguments."""
     if receiver is None:
         return Receiver() if noise else Receiver.ideal()
     known = read_receiver(receiver, radar)
@@ -96,7 +92,6 @@ def _receiver(receiver: Any, radar: Radar, noise: bool) -> Receiver:
 
 
 def _placed_radar(radar: str | PathLike[str] | Radar, preset: str | None, position: Any, look_at: Any) -> Radar:
-    """The radar where the arguments want it."""
     if isinstance(radar, Radar):
         if preset is not None:
             raise ValueError(f"preset is {preset!r} but a Radar is given, which has its own ('{radar.preset}')")
@@ -110,7 +105,7 @@ def _placed_radar(radar: str | PathLike[str] | Radar, preset: str | None, positi
     else:
         target = RADAR_TARGET if position is None else (place[0] + 1.0, place[1], place[2])
     if target == place:
-        raise ValueError(f"look_at is {look_at!r}, which is where the radar stands: a point away from it is needed")
+        raise ValueError(f"look_at is {look_at!r}, the position of the radar: a point away from it is needed")
     return Radar.load(radar, preset, position=place, look_at=target)
 
 
@@ -125,10 +120,10 @@ def _vector(name: str, value: Any) -> tuple[float, float, float]:
 
 
 def check_size(duration: Any, radar: Radar, pir_resolution: tuple[int, int], target: Path) -> None:
-    """Check that the samples and images of so long a run have room on the disk."""
+    """Check that the samples and images of a run of `duration` [s] fit on the disk of `target`."""
     if isinstance(duration, bool) or not isinstance(duration, (int, float, np.number)) or not duration > 0:
         return
-    # A PIR image has three float32 channels, samples are complex64; meshes come on top.
+    # [bytes]: a PIR image has three float32 channels, samples are complex64; meshes are not counted.
     frame = 8 * math.prod(radar.frame_shape) + 12 * math.prod(pir_resolution)
     needed = frame * max(1.0, duration / radar.waveform.frame_period)
     free = shutil.disk_usage(target.parent).free

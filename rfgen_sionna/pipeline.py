@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from rfgen_sionna.dataset import Run
 
 LABEL_STEP = 1e-3
-"""Half the stretch over which label velocities are differenced [s]."""
+"""Half the interval of the differences of label velocities [s]."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -91,56 +91,54 @@ def generate(
     prompt, negative
         Wanted and unwanted features: target, action, orientation, distance, body, surroundings.
     environment
-        Surroundings in words ("a living room"), or a scene by its own name ("living_room", "Munich"); "free space" is
-        none. None takes the surroundings that the prompt names. A source and a colon may stand before the words
-        ("furnished: an office"), or alone for a place that the prompt names ("furnished"): "scene" is the scene of a
-        file, always the same; "furnished" a place furnished by the seed; "diffusion" an image that a diffusion model
-        draws (:mod:`rfgen_sionna.generative.environment`); "none", always alone, is free space whatever the prompt
-        says. Without a source a scene by its own name is that scene, and a place in words is drawn. Without diffusers
-        such a place is a scene where there is one, else furnished, with a warning. "scene", "furnished" and "none"
-        import no model.
+        Surroundings in words ("a living room"), or name of a scene ("living_room", "Munich"); "free space" is none.
+        None takes the surroundings of the prompt. A source may precede the words ("furnished: an office"), or be alone,
+        for the place of the prompt ("furnished"). Sources: "scene", the scene of a file; "furnished", a place furnished
+        by the seed; "diffusion", an image of a diffusion model (:mod:`rfgen_sionna.generative.environment`); "none",
+        always alone, free space for any prompt. By default the name of a scene is that scene, and words are an image;
+        without diffusers, words are a scene, or a furnished place, with a warning. Only "diffusion" imports a model.
     surroundings
-        Deprecated: the source, which `environment` names now.
+        Deprecated: source of `environment`.
     negative_environment
-        Objects that an imagined place lacks ("sofa, TV"). An object that `environment` names is refused.
+        Absent objects of an imagined place ("sofa, TV"). An object of `environment` is refused.
     refine
-        Whether path diffusion corrects the traced and imagined returns, or its strength, 0 … 1. None does so for
-        imagined surroundings and a radar that stands. False does not load it.
+        Whether path diffusion corrects the traced and imagined returns, or its strength, 0 … 1. None corrects imagined
+        surroundings of a radar at rest. False does not load the model.
     environment_model, environment_lora
         Environment model or Stable Diffusion base, and RF LoRA of it (files, folders, hub names; see
         :class:`~rfgen_sionna.generative.environment.environment_diffusion.EnvironmentDiffusion`); None is the model
-        that ships with the package, without a LoRA.
+        of the package, without a LoRA.
     radar
         Name or TOML file of a radar, or a placed Radar.
     preset
-        Configuration of the radar; its default if None.
+        Configuration of the radar; None is its default.
     duration
-        Length [s]; as many whole frames as fit.
+        Length [s]; the run has all whole frames that fit.
     seed
         Seed of body, motion, noise and the speckle of rough surfaces.
     output
-        HDF5 file to write (see :mod:`rfgen_sionna.dataset.schema`); None is the action's name, here.
+        HDF5 file to write (see :mod:`rfgen_sionna.dataset.schema`); None is `<action>.h5` in the working folder.
     overwrite
         Whether an existing file is replaced.
     noise
-        Whether thermal noise is added; False takes it out of `receiver`, and without one leaves the samples ideal.
+        Whether thermal noise is added; False removes it from `receiver`, and without one the samples are ideal.
     receiver
         Impairments of the receiver: a Receiver, a table of its parts or a TOML file with such a table
-        (:func:`~rfgen_sionna.signal.read_receiver`); None is thermal noise and the radar's ADC. The file keeps it.
+        (:func:`~rfgen_sionna.signal.read_receiver`); None is thermal noise and the radar's ADC. It is stored.
     rtol
         Tolerated relative error of each return: 0.01 is 0.1 dB or 0.6 degrees. The error is as smooth in time as the
-        motion: it adds no Doppler.
+        motion, so that it adds no Doppler.
     distance
-        Distance of the person from the radar [m] over the floor where the prompt names none.
+        Horizontal distance of the person from the radar [m], for a prompt without a distance.
     radar_position, look_at
         Position of a radar of a name or file, and target of its boresight [m]. The defaults are `RADAR_POSITION` and
-        `RADAR_TARGET`, which suit our rooms; with a position alone it looks along +x. The person stands on the
-        boresight, at the distance, on the lowest surface of the scene there below the radar, else at height 0.
+        `RADAR_TARGET`; with a position alone the boresight is +x. The person is on the boresight, at the distance, on
+        the lowest surface of the scene below the radar, else at height 0.
     pir_resolution, fov_deg
-        Pixels (rows, columns) and field of view [degrees] of the PIR frames in the file, by default (128, 128) and 60.
-        Imagined surroundings have 64 x 64 pixels and 90 degrees by default, and nothing beyond the field of view.
+        Pixels (rows, columns) and field of view [degrees] of the stored PIR frames, by default (128, 128) and 60.
+        Imagined surroundings have 64 x 64 pixels and 90 degrees by default, and end at the field of view.
     projection
-        Of those images: "perspective", or "equirectangular", azimuth and elevation evenly.
+        "perspective", or "equirectangular" (azimuth and elevation evenly) for those images.
     max_bounces, transmission
         Largest number of surfaces on a path, and whether walls and glass transmit, as in
         :class:`~rfgen_sionna.simulation.Simulator`.
@@ -148,21 +146,21 @@ def generate(
         Source of the motion: "kinematic" (rules of movement), "diffusion" (the learned model) or "auto", the learned
         model where its packages are installed.
     collisions
-        Policy for a person who is more than 5 cm deep in a wall or a piece of furniture: "error" refuses the run,
-        "warn" warns, "ignore" does not check.
+        Policy for a person more than 5 cm deep in a wall or a piece of furniture: "error" refuses the run, "warn"
+        warns, "ignore" does not check.
     device
-        Device that sums the paths: "cpu", "cuda", or "auto", CUDA where there is one.
+        Device that sums the paths: "cpu", "cuda", or "auto", CUDA if available.
     workers
         Number of processes that trace and sum frames, as in :meth:`rfgen_sionna.simulation.Simulator.adc`.
     progress
-        Called with the frames done and in all.
+        Called with the number of finished frames and of all frames.
     report
         Called once, before the first frame, with the interpretation of the prompt and every decision with its origin:
-        prompt, argument, default or seed. The file keeps this text (`Run.report`); None logs it.
+        prompt, argument, default or seed. None logs this text. It is stored (`Run.report`).
 
     Returns
     -------
-    The written run, open for reading; `cube()` has the samples.
+    The written run, open for a read; `cube()` has the samples.
 
     Raises
     ------
@@ -210,7 +208,7 @@ def generate(
     if place > radar.max_range:
         raise ValueError(
             f"distance is {place:g} m; the range window of radar '{radar.name}' (preset '{radar.preset}') ends at "
-            f"{radar.max_range:.2f} m: come closer, or take a preset with a lower slope or a higher sample rate"
+            f"{radar.max_range:.2f} m: choose a smaller one, or a preset with a lower slope or a higher sample rate"
         )
     spot, _ = place_before_radar(radar, place, said.bearing_deg or 0.0)
     check_size(duration, radar, resolution, target)
@@ -231,8 +229,8 @@ def generate(
     height, why = (0.0, "no surface there, so height 0") if found is None else (found[0], f"'{found[1]}' there")
     person = Actor.from_prompt(said, seed=seed, duration=duration, radar=radar, floor=height, source=source)
     if motion == "auto":
-        told = (replace(each, origin=DEFAULT) if each.name == "motion" else each for each in person.decisions)
-        person = replace(person, decisions=tuple(told))
+        decisions = (replace(each, origin=DEFAULT) if each.name == "motion" else each for each in person.decisions)
+        person = replace(person, decisions=tuple(decisions))
     simulator = Simulator(
         scene,
         radar,
@@ -245,12 +243,12 @@ def generate(
         environment=setting.environment,
         refiner=setting.refiner,
     )
-    # Nobody sees through an image.
+    # Surroundings from an image are opaque.
     if (setting.environment is not None or not transmission) and simulator.is_occluded(person, 0.0, duration):
         if setting.environment is None:
             what, remedy = f"the surfaces of scene '{scene.name}' hide", "choose another distance or environment"
         else:
-            what, remedy = f"what the {setting.name} shows hides", "choose another distance, seed or environment"
+            what, remedy = f"surroundings of the {setting.name} hide", "choose another distance, seed or environment"
         raise ValueError(
             f"distance is {place:g} m: {what} the person from the radar there; {remedy}, or place the radar elsewhere"
         )
@@ -309,7 +307,7 @@ def _read(
     kind: str,
     source: MotionSource,
 ) -> tuple[ScenePrompt, EnvironmentPrompt | None]:
-    """Contents of the prompt and of the arguments beside it; words without effect are logged."""
+    """Contents of the prompt and of the arguments; words without effect are logged."""
     check_seed(seed)
     said = read_prompt(prompt, negative, seed=seed, source=source)
     if distance is not None and not (np.isfinite(distance) and distance > 0):
@@ -331,7 +329,7 @@ def _read(
 
 
 def _labels(actor: Actor, radar: Radar, t: float) -> dict[str, FloatArray]:
-    """Labels of an actor at `t` [s]: place and motion of the centre of its vertices; one row per actor."""
+    """Labels of an actor at `t` [s]: position and motion of the centre of its vertices; one row per actor."""
     surface = surface_of(actor)
     before, centre, after = (surface.vertices(t + step).mean(axis=0) for step in (-LABEL_STEP, 0.0, LABEL_STEP))
     velocity = (after - before) / (2 * LABEL_STEP)
@@ -351,7 +349,7 @@ def _labels(actor: Actor, radar: Radar, t: float) -> dict[str, FloatArray]:
 
 
 def _facing(actor: Actor, t: float) -> float:
-    """Yaw [rad] of the direction an actor faces: square to the hips, which turn with the motion, where it has any."""
+    """Yaw [rad] of the direction an actor faces: normal to its hips, or its own +x without hips."""
     names = actor.joint_names
     if "left_hip" in names and "right_hip" in names:
         joints = actor.joints(t)

@@ -1,7 +1,7 @@
-"""Numbered work that is split among forked processes.
+"""Numbered work, split among forked processes.
 
-Python runs one thread at a time, so threads hardly speed up tracing. A forked process shares scenes, users' functions
-and compiled kernels with its parent until one of them writes to that memory.
+Python runs one thread at a time, so threads hardly speed up tracing. A forked process shares scenes, functions and
+compiled kernels with its parent.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from rfgen_sionna.scene.mitsuba_backend import may_use_cuda, without_threads
 
 T = TypeVar("T")
 MAX_FINISHED = 1
-"""Number of runs beyond those in work whose results may be kept until it is their turn."""
+"""Most finished runs whose results wait for their turn: bounds memory."""
 
 _JOIN_TIMEOUT = 5.0
-"""Time that a process gets to end once its results are not wanted any more [s]."""
+"""Time for a process to end before it is killed [s]."""
 
 
 class _Message(Enum):
@@ -57,7 +57,7 @@ def check_workers(workers: Any, device: str = "cpu") -> int:
     Raises
     ------
     ValueError
-        If it is no whole number of at least 1, or more than 1 where processes can't be forked.
+        If `workers` is no whole number of at least 1, or more than 1 where processes can't be forked.
     """
     if isinstance(workers, bool) or not isinstance(workers, (int, np.integer)) or workers < 1:
         raise ValueError(f"workers is {workers!r}: a whole number of at least 1 is needed")
@@ -71,25 +71,24 @@ def check_workers(workers: Any, device: str = "cpu") -> int:
         )
     if workers > 1 and current_process().daemon:
         raise ValueError(
-            f"workers is {workers}: this process is one of a multiprocessing.Pool or of a DataLoader, which can't have "
-            "processes of its own; 1 is allowed here"
+            f"workers is {workers}: this is a process of a multiprocessing.Pool or a DataLoader, which can't start "
+            "processes; 1 is allowed here"
         )
     return int(workers)
 
 
 def map_in_processes(job: Callable[[int], T], runs: Sequence[range], workers: int) -> Iterator[T]:
-    """Results of `job` for the numbers of all `runs`, in order; `workers` processes work at a time, on a run each.
+    """Results of `job` for the numbers of all `runs`, in order; `workers` processes compute a run each at a time.
 
-    A process is forked when its run begins, as soon as no other thread traces or sums paths, and works on one core. It
-    ends with this process, or when its results are not wanted any more. Its log messages and warnings appear here, in
-    the order of the results.
+    A process is forked when its run begins and no other thread traces or sums paths, and uses one core. It ends with
+    this process or at the end of the iteration. Its log messages and warnings appear here, in the order of the results.
 
     Raises
     ------
     Exception
-        The error of the job, after all earlier results; a RuntimeError with its text if it cannot be pickled.
+        Error of the job, after all earlier results; a RuntimeError with its text if it cannot be pickled.
     RuntimeError
-        If a process ended before its work did.
+        If a process ended before its work.
     """
     to_do, begun, warned = deque(runs), deque[_Worker](), dict[Any, Any]()
     try:
@@ -97,21 +96,22 @@ def map_in_processes(job: Callable[[int], T], runs: Sequence[range], workers: in
             while to_do and sum(not each.over for each in begun) < workers and len(begun) < workers + MAX_FINISHED:
                 begun.append(_Worker(job, to_do.popleft(), begun))
             first, working = begun[0], {each.connection: each for each in begun if not each.over}
-            # What others send is taken from them, but not waited for where something is at hand.
+            # Pipes are emptied in every round; it waits only where no message of the first process is left.
             for ready in wait(list(working), 0.0 if first.queue else None) if working else ():
-                working[ready].receive()  # type: ignore[index]
+                if isinstance(ready, Connection):
+                    working[ready].receive()
             if not first.queue:
                 continue
-            said, what = first.queue.popleft()
-            if said is _Message.MADE:
-                yield what
-            elif said is _Message.LOGGED:
-                logging.getLogger(what.name).handle(what)
-            elif said is _Message.WARNED:
-                message, category, filename, line = what
+            kind, content = first.queue.popleft()
+            if kind is _Message.MADE:
+                yield content
+            elif kind is _Message.LOGGED:
+                logging.getLogger(content.name).handle(content)
+            elif kind is _Message.WARNED:
+                message, category, filename, line = content
                 warnings.warn_explicit(message, category, filename, line, registry=warned)
-            elif said is _Message.FAILED:
-                raise what
+            elif kind is _Message.FAILED:
+                raise content
             else:
                 begun.popleft().end()
     finally:
@@ -120,17 +120,17 @@ def map_in_processes(job: Callable[[int], T], runs: Sequence[range], workers: in
 
 
 class _Worker:
-    """A forked process that works on some numbers."""
+    """Forked process that computes one run."""
 
     def __init__(self, job: Callable[[int], Any], numbers: range, others: Sequence[_Worker]) -> None:
         context = get_context("fork")
         self.connection, theirs = context.Pipe()
         self.queue, self.over, self._numbers = deque[tuple[_Message, Any]](), False, numbers
-        # Ends of pipes that it does not need would hide from other processes that this one has gone.
+        # Unused ends of pipes would hide the end of this process from the others.
         inherited = [self.connection, *(each.connection for each in others)]
         self._process = context.Process(target=_run_worker, args=(job, numbers, theirs, inherited), daemon=True)
         with no_blas_users(), without_threads(), warnings.catch_warnings():
-            # Python warns of threads that the child will lack: Dr.Jit's have ended, and BLAS makes its own anew.
+            # Python warns of threads that the child lacks: Dr.Jit's have ended, and BLAS starts its own.
             warnings.filterwarnings("ignore", "This process .* is multi-threaded", DeprecationWarning)
             self._process.start()
         theirs.close()
@@ -138,15 +138,14 @@ class _Worker:
     def receive(self) -> None:
         """Take the next message of the process."""
         try:
-            said, what = self.connection.recv()
-        except (EOFError, OSError):  # the latter in the middle of what it told
+            kind, content = self.connection.recv()
+        except (EOFError, OSError):  # the latter in the middle of a message
             self._process.join()
-            said, what = _Message.FAILED, RuntimeError(
-                f"the process that worked on frames {self._numbers.start} … {self._numbers.stop - 1} ended with "
-                f"{self._process.exitcode} (below 0 it is a signal; -9 is often want of memory: take fewer workers)"
-            )  # fmt: skip
-        self.queue.append((said, what))
-        self.over = said in (_Message.FAILED, _Message.OVER)
+            work = f"the process of frames {self._numbers.start} … {self._numbers.stop - 1} ended with"
+            code = f"{self._process.exitcode} (below 0 it is a signal; -9 is often want of memory: take fewer workers)"
+            kind, content = _Message.FAILED, RuntimeError(f"{work} {code}")
+        self.queue.append((kind, content))
+        self.over = kind in (_Message.FAILED, _Message.OVER)
 
     def end(self) -> None:
         """End the process."""
@@ -162,11 +161,11 @@ def _run_worker(
     job: Callable[[int], Any], numbers: range, results: Connection, inherited: Sequence[Connection]
 ) -> None:
     """Main function of the child process."""
-    signal.set_wakeup_fd(-1)  # the parent's event loop is not to hear of this one's signals
+    signal.set_wakeup_fd(-1)  # no signals to the parent's event loop
     for each, handler in ((SIGINT, SIG_IGN), (SIGTERM, SIG_DFL), (SIGHUP, SIG_DFL)):  # at ^C the parent ends it
         signal.signal(each, handler)
     reset_after_fork()
-    gc.freeze()  # what the parent has open, HDF5 files among it, is not this one's to close
+    gc.freeze()  # only the parent closes its open files
     for connection in inherited:
         connection.close()
     Thread(target=_exit_with_parent, args=(results,), daemon=True).start()
@@ -188,9 +187,9 @@ def _exit_with_parent(parent: Connection) -> None:
     os._exit(1)
 
 
-def _send(parent: Connection, said: _Message, what: Any) -> None:
+def _send(parent: Connection, kind: _Message, content: Any) -> None:
     """Send a message to the parent, or end without one."""
-    message = ForkingPickler.dumps((said, what))
+    message = ForkingPickler.dumps((kind, content))
     try:
         parent.send_bytes(message)
     except OSError:
@@ -219,7 +218,7 @@ class _LogForwarder(logging.handlers.QueueHandler):
     """Sends records to the parent."""
 
     def __init__(self, results: Connection) -> None:
-        super().__init__(SimpleQueue())  # which nothing goes by
+        super().__init__(SimpleQueue())  # unused
         self._results = results
 
     def enqueue(self, record: logging.LogRecord) -> None:

@@ -1,7 +1,6 @@
 """Records that pass from one stage to the next.
 
-Every array names its axes and its unit. World frame: metres, z up, Sionna's conventions; a body in its
-rest pose faces +x and has its left side at +y.
+World frame: metres, z up, Sionna's conventions; a body in its rest pose faces +x and has its left side at +y.
 """
 
 from __future__ import annotations
@@ -41,9 +40,9 @@ class Motion:
     offsets: FloatArray
     """(joint, 3) rest position of each joint relative to its parent [m]."""
     contacts: NDArray[np.bool_] | None = None
-    """(frame, 2) whether the left and the right foot is planted; None where unknown."""
+    """(frame, 2) whether the left and the right foot is planted; None for unknown contacts."""
     action: str = ""
-    """Name of the action, empty where unknown."""
+    """Name of the action, empty for an unknown one."""
     prompt: str = ""
     seed: int | None = None
 
@@ -59,7 +58,7 @@ class MeshSequence(Protocol):
 
     @property
     def faces(self) -> IntArray:
-        """(face, 3) vertex indices, counter-clockwise seen from outside."""
+        """(face, 3) vertex indices, counter-clockwise from outside."""
         ...
 
     @property
@@ -74,7 +73,7 @@ class MeshSequence(Protocol):
 
     @property
     def duration(self) -> float:
-        """Length of the sequence [s]; it holds its first and last pose outside. `inf` for a rigid mesh."""
+        """Length of the sequence [s], with constant poses outside; `inf` for a rigid mesh."""
         ...
 
     def vertices(self, t: float) -> FloatArray:
@@ -83,7 +82,7 @@ class MeshSequence(Protocol):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints that `joints` returns; empty where the mesh has no skeleton."""
+        """Names of the joints; empty for a mesh without skeleton."""
         ...
 
     def joints(self, t: float) -> FloatArray:
@@ -95,17 +94,17 @@ class PathKind(IntEnum):
     """Kind of a propagation path."""
 
     FACET = 0
-    """Physical-optics return of one facet, or of a patch of small ones that go by one of them."""
+    """Physical-optics return of one facet, or of a cluster of small ones."""
     SPECULAR = 1
     """Ray-optical path (for instance from Sionna's `PathSolver`)."""
     MULTI_BOUNCE = 2
     DIFFUSE = 3
     ENVIRONMENT = 4
-    """Path made from an image of the surroundings, random phase."""
+    """Path of an image of the surroundings, with a random phase."""
 
 
 _DIGITS, _MAX_CACHED = 13, 10_000
-"""Decimals of times as shares of the knots' span, and the most weights that are cached."""
+"""Decimals of times as shares of the knots' span, against rounding; most weights of a cached matrix, for memory."""
 
 
 def knot_weights(knots: FloatArray, t: FloatArray, derivative: int = 0) -> FloatArray:
@@ -116,8 +115,8 @@ def knot_weights(knots: FloatArray, t: FloatArray, derivative: int = 0) -> Float
     knots, t = np.asarray(knots, np.float64), np.atleast_1d(np.asarray(t, dtype=np.float64))
     if len(knots) == 1:
         return np.full((len(t), 1), 1.0 if derivative == 0 else 0.0)
-    # Times count from the first knot: far from t = 0 the spline's polynomials would lose digits. Over the stretch that
-    # the knots span they are the same from frame to frame.
+    # Times count from the first knot: far from t = 0 the spline's polynomials would lose digits. As shares of the span
+    # of the knots they are the same in all frames.
     span = float(knots[-1] - knots[0])
     places, at = (np.round((np.asarray(each) - knots[0]) / span, _DIGITS) for each in (knots, t))
     weigh = _known_weights if len(places) * len(at) <= _MAX_CACHED else _weights
@@ -138,19 +137,23 @@ _known_weights = lru_cache(maxsize=256)(_weights)
 
 def interpolate_knots(weights: FloatArray, values: ComplexArray) -> ComplexArray:
     """(..., new) complex numbers at other times from `values` (..., old), by `weights` (new, old)."""
-    # Real and imaginary parts side by side and one product of real matrices: several times quicker than a complex one.
+    # A product of real matrices, real and imaginary parts side by side, is faster than a complex one.
     real = np.ascontiguousarray(values, np.complex128).view(np.float64).reshape(-1, 2 * values.shape[-1])
     found = real @ np.kron(weights, np.eye(2)).T
     return found.view(np.complex128).reshape(*values.shape[:-1], len(weights))
 
 
+_CHANNEL_FIELDS = ("a", "tau", "tau_rate")
+_PATH_FIELDS = ("direction", "arrival", "object_id", "part_id", "kind", "bounces", "facet")
+
+
 @dataclass(frozen=True)
 class RadarPaths:
-    """Propagation paths between every Tx and Rx element, as smooth curves over a stretch of time.
+    """Propagation paths between every Tx and Rx element, as smooth curves in time.
 
-    The channel of one element pair is `sum_i a_i exp(-j 2 pi f tau_i)`: as in Sionna the propagation phase
-    is not in `a`. `|a|^2 G_t G_r P_t` is the received power (DESIGN: unit element gains, polarisation kept).
-    Between the knots `times` a path is the C² spline of :meth:`weights`.
+    The channel of one element pair is `sum_i a_i exp(-j 2 pi f tau_i)`: as in Sionna the propagation phase is not in
+    `a`. `|a|^2 G_t G_r P_t` is the received power. Between the knots `times` a path is the C² spline of
+    :meth:`weights`.
     """
 
     a: ComplexArray
@@ -178,12 +181,12 @@ class RadarPaths:
     object_names: tuple[str, ...]
     part_names: tuple[str, ...]
     facet: IntArray
-    """(path,) face index within the object's mesh, of the facet that a path goes by; -1 where it belongs to none."""
+    """(path,) face index of the path's facet within the object's mesh; -1 without a facet."""
     dispersion: ComplexArray | None = None
-    """(order, tx, rx, path, time) how the gain changes over the band: at frequency f it is
-    `a + sum_n dispersion[n-1] ((f - frequency) / half_band)^n`. None where that is negligible."""
+    """(order, tx, rx, path, time) change of the gain over the band: at frequency f it is
+    `a + sum_n dispersion[n-1] ((f - frequency) / half_band)^n`. None for a negligible change."""
     half_band: float = 0.0
-    """Half the band over which `dispersion` was fitted [Hz]."""
+    """Half the band of `dispersion` [Hz]."""
 
     @property
     def num_paths(self) -> int:
@@ -205,11 +208,11 @@ class RadarPaths:
         return 0.5 * SPEED_OF_LIGHT * self.tau.mean(axis=(0, 1))
 
     def weights(self, t: FloatArray, derivative: int = 0) -> FloatArray:
-        """(len(t), time) matrix that takes values at the knots to values (or their derivative) at times `t` [s]."""
+        """(len(t), time) matrix from values at the knots to values (or derivatives) at times `t` [s]."""
         return knot_weights(self.times, t, derivative)
 
     def at(self, times: FloatArray) -> RadarPaths:
-        """The same paths with their values at other knots (time,) [s], taken from the spline."""
+        """The same paths with other knots `times` (time,) [s], interpolated by the spline."""
         weights = self.weights(times)
         direction, arrival = (np.einsum("nk,pki->pni", weights, each) for each in (self.direction, self.arrival))
         return replace(
@@ -224,21 +227,11 @@ class RadarPaths:
         )
 
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> RadarPaths:
-        """The paths that `chosen` (path,) marks or counts out, in its order."""
-        return replace(
-            self,
-            a=self.a[:, :, chosen],
-            tau=self.tau[:, :, chosen],
-            tau_rate=self.tau_rate[:, :, chosen],
-            direction=self.direction[chosen],
-            arrival=self.arrival[chosen],
-            object_id=self.object_id[chosen],
-            part_id=self.part_id[chosen],
-            kind=self.kind[chosen],
-            bounces=self.bounces[chosen],
-            facet=self.facet[chosen],
-            dispersion=None if self.dispersion is None else self.dispersion[:, :, :, chosen],
-        )
+        """Paths of the mask or indices `chosen` (path,)."""
+        values: dict[str, Any] = {name: getattr(self, name)[:, :, chosen] for name in _CHANNEL_FIELDS}
+        values |= {name: getattr(self, name)[chosen] for name in _PATH_FIELDS}
+        dispersion = None if self.dispersion is None else self.dispersion[:, :, :, chosen]
+        return replace(self, **values, dispersion=dispersion)
 
     @staticmethod
     def concatenate(parts: Sequence[RadarPaths]) -> RadarPaths:
@@ -247,7 +240,7 @@ class RadarPaths:
         Raises
         ------
         ValueError
-            If there are no parts, or they differ in what they must share.
+            If `parts` is empty, or parts differ in knots, elements, names or band.
         """
         if not parts:
             raise ValueError("parts is empty: at least one set of paths is needed")
@@ -255,11 +248,7 @@ class RadarPaths:
         for part in parts[1:]:
             if not np.array_equal(part.times, first.times) or part.a.shape[:2] != first.a.shape[:2]:
                 raise ValueError("parts differ in their knots or in their number of elements")
-            if (part.object_names, part.part_names, part.frequency) != (
-                first.object_names,
-                first.part_names,
-                first.frequency,
-            ):
+            if any(getattr(part, name) != getattr(first, name) for name in ("object_names", "part_names", "frequency")):
                 raise ValueError("parts differ in their object names, part names or reference frequency")
         order = max(0 if part.dispersion is None else len(part.dispersion) for part in parts)
         bands = {part.half_band for part in parts if part.dispersion is not None}
@@ -278,19 +267,13 @@ class RadarPaths:
         def join(name: str, axis: int) -> Any:
             return np.concatenate([getattr(part, name) for part in parts], axis=axis)
 
-        return replace(
-            first,
-            **{name: join(name, 2) for name in ("a", "tau", "tau_rate")},
-            **{
-                name: join(name, 0)
-                for name in ("direction", "arrival", "object_id", "part_id", "kind", "bounces", "facet")
-            },
-            dispersion=dispersion() if order else None,
-            half_band=max(bands, default=0.0),
-        )
+        values = {name: join(name, 2) for name in _CHANNEL_FIELDS} | {name: join(name, 0) for name in _PATH_FIELDS}
+        half_band = max(bands, default=0.0)
+        return replace(first, **values, dispersion=dispersion() if order else None, half_band=half_band)
 
     def labels(self) -> list[dict[str, Any]]:
         """Ground truth, one record per path: object, part, kind, bounces, radial velocity [m/s] at the first knot."""
+        columns = (self.object_id, self.part_id, self.kind, self.bounces, self.velocity[:, 0])
         return [
             {
                 "object": self.object_names[o],
@@ -299,18 +282,16 @@ class RadarPaths:
                 "bounces": int(b),
                 "radial_velocity": float(v),
             }
-            for o, p, k, b, v in zip(
-                self.object_id, self.part_id, self.kind, self.bounces, self.velocity[:, 0], strict=True
-            )
+            for o, p, k, b, v in zip(*columns, strict=True)
         ]
 
 
 @dataclass(frozen=True)
 class Pir:
-    """Path-based intermediate representation: what the radar's viewpoint receives, free of any hardware.
+    """Path-based intermediate representation: image of the returns at the radar's viewpoint, without hardware.
 
-    Row 0 is the top, column 0 the left side seen from the radar. Where nothing returns, `energy` is 0 and
-    `time_of_arrival` is NaN.
+    Row 0 is the top, column 0 the left side from the radar. Pixels without returns have an `energy` of 0 and a
+    `time_of_arrival` of NaN.
     """
 
     energy: FloatArray
@@ -328,22 +309,22 @@ class Pir:
     projection: str = "perspective"
     """"perspective", or "equirectangular": columns are evenly spaced in azimuth and rows in elevation."""
     time: float = 0.0
-    """Instant [s]."""
+    """[s]"""
 
 
 @dataclass(frozen=True)
 class AdcCube:
-    """Complex baseband samples of a run, with the radar that took them."""
+    """Complex baseband samples of a run, with their radar."""
 
     data: NDArray[np.complex64]
     """(frame, chirp, tx, rx, sample) in square roots of watts at the receiver input: |sample|^2 is power [W].
-    `chirp` counts loops. `tx` counts Tx elements where they fire one after another (TDM), each at the time of its slot.
-    Where several fire at once or chirps differ, `tx` counts the slots of a loop as the hardware samples them;
-    `radar.axis_names` names its entries, and `processing.demultiplex` tells the Tx elements apart."""
+    `chirp` counts loops. `tx` counts Tx elements where they fire in turn (TDM), each at the time of its slot. Where
+    several fire at once or chirps differ, `tx` counts the slots of a loop; `radar.axis_names` are its entries, and
+    `processing.demultiplex` separates the Tx elements."""
     radar: Radar
     frame_times: FloatArray
     """(frame,) start of the first ramp of each frame [s]."""
     seed: int | None = None
-    """Seed of the noise; None where the cube is noise-free."""
+    """Seed of the noise; None for a cube without noise."""
 
     dims: Sequence[str] = ("frame", "chirp", "tx", "rx", "sample")

@@ -1,7 +1,4 @@
-"""The one place that knows where the shipped radars and scenes are.
-
-In a wheel they lie in the package's `_data` folder, in a checkout at its top.
-"""
+"""Paths of the shipped radars and scenes: in the package's `_data` folder of a wheel, at the top of a checkout."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 _FILES = {"radars": "*.toml", "scenes": "*/scene.xml"}
-"""Kind -> pattern of the file that a name stands for."""
+"""Kind -> pattern of its files."""
 
 
 class UnknownResourceError(ValueError):
@@ -17,20 +14,19 @@ class UnknownResourceError(ValueError):
 
 
 def available(kind: str) -> tuple[str, ...]:
-    """Names of the shipped resources of a kind, sorted.
-
-    Raises:
-        ValueError: `kind` is neither "radars" nor "scenes".
-    """
+    """Sorted names of the shipped resources of a kind, "radars" or "scenes"; another kind is a ValueError."""
     return tuple(sorted(_files(kind)))
 
 
 def resolve(kind: str, name: str) -> Path:
-    """Path of the file that a name stands for: `radars/<name>.toml` or `scenes/<name>/scene.xml`.
+    """Path of a named resource: `radars/<name>.toml` or `scenes/<name>/scene.xml`.
 
-    Raises:
-        UnknownResourceError: there is none of this name; the message lists those there are.
-        ValueError: `kind` is neither "radars" nor "scenes".
+    Raises
+    ------
+    UnknownResourceError
+        Unknown name; the message lists the known ones.
+    ValueError
+        `kind` is neither "radars" nor "scenes".
     """
     files = _files(kind)
     if name in files:

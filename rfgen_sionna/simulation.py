@@ -1,4 +1,4 @@
-"""Simulation of a radar in a scene with actors: paths, images and samples."""
+"""Simulation of a radar in a scene with actors: paths, images and ADC samples."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,8 +44,8 @@ from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.signal import Receiver, receive
-from rfgen_sionna.signal.synthesis import chosen_device
-from rfgen_sionna.signal.synthesis_checks import MAX_TIME
+from rfgen_sionna.signal.noise import check_whole
+from rfgen_sionna.signal.synthesis import check_time, chosen_device
 from rfgen_sionna.tracing.max_bounces import check_max_bounces
 from rfgen_sionna.tracing.relative import relative_objects
 from rfgen_sionna.tracing.report import TraceReport
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar.radar import Vector
 
 Progress = Callable[[int, int], None]
-"""Called with the number of frames done and in all."""
+"""Function of the number of finished frames and of all frames."""
 
 
 @dataclass(frozen=True)
@@ -66,15 +66,14 @@ class Frame:
     time: float
     """Start of the first ramp [s]."""
     samples: NDArray[np.complex128]
-    """(chirp, tx, rx, sample) in square roots of watts."""
+    """(chirp, tx, rx, sample) [sqrt(W)]."""
     report: TraceReport
     full_scale: float | None = None
-    """Largest I or Q of the ADC [sqrt(W)]; None where the samples are not quantised."""
+    """Largest I or Q of the ADC [sqrt(W)]; None for samples that are not quantised."""
     clipped: float = 0.0
-    """Share of the words of I and Q that were beyond the ADC's range."""
+    """Share of the words of I and Q beyond the ADC's range."""
     paths: tuple[RadarPaths, ...] = ()
-    """Actors and imagined surroundings, from which their image can be had (:func:`rfgen_sionna.pir.image`); nothing
-    where surroundings are modelled."""
+    """Paths of actors and imagined surroundings for :func:`rfgen_sionna.pir.image`; empty for modelled surroundings."""
 
 
 class Simulator:
@@ -83,22 +82,22 @@ class Simulator:
     Parameters
     ----------
     scene
-        A scene of :func:`~rfgen_sionna.scene.load.load_scene` or anything that it takes; None is free space.
+        Scene of :func:`~rfgen_sionna.scene.load.load_scene`, or an argument of it; None is free space.
     radar
-        The radar, placed in the scene.
+        Radar with its position in the scene.
     actors
         Moving objects; names must differ.
     rtol
-        Tolerated relative error of the return of each actor and of the static scene. Smaller values take more time.
+        Tolerated relative error of the return of each actor and of the static scene, 1e-8 … 0.1.
     collisions
-        Policy for an actor that is more than 5 cm deep in a wall, a piece of furniture or another actor: "error"
-        refuses the run, "warn" warns (a person on a chair), "ignore" does not check.
+        Policy for an actor more than 5 cm deep in a wall, a piece of furniture or another actor: "error" refuses the
+        run, "warn" warns, "ignore" does not check.
     seed
         Seed of the phases of diffuse returns, from rough surfaces (`scattering_coefficient` above 0).
     max_bounces
         Largest number of surfaces on a path. 1: direct returns. 2: adds ghosts of actors by one reflection at a plane
-        surface, before or after the actor, and specular double bounces between curved surfaces. 3: adds ghosts with a
-        reflection both before and after the actor, or two on one side. None is 3. Returns below `rtol` are left out.
+        surface, before or after the actor, and specular double bounces between curved surfaces. 3: adds ghosts with
+        two reflections. None is 3. Returns below `rtol` are left out.
     environment
         Image of surroundings, such as a diffusion model's, instead of a `scene`. It becomes diffuse paths, which
         occlude the actors and are occluded by them (:mod:`rfgen_sionna.pir.fusion`).
@@ -106,15 +105,14 @@ class Simulator:
         Model that corrects images of actors and `environment` together, such as path diffusion. Paths take energies
         from its images, never phases or delays.
     transmission
-        Whether slabs, surfaces of a material with a thickness (walls, glass, clothing), transmit: with the loss and
-        the delay of a slab, up to four in a row, on every leg to actors. Metal and bodies stay opaque. False makes all
-        surfaces opaque and is several times faster in a furnished room.
+        Whether slabs, surfaces of a material with a thickness (walls, glass, clothing), transmit, with their loss and
+        delay, up to four in a row, on every leg to actors. Metal and bodies stay opaque. False makes all surfaces
+        opaque and is faster.
 
     Raises
     ------
     TypeError, ValueError
-        Naming what was given and what is allowed; among them a radar inside of an object, of a building or below the
-        ground.
+        Naming the argument, its value and what is allowed, also for a radar inside an object or below the ground.
     """
 
     def __init__(
@@ -135,7 +133,7 @@ class Simulator:
             raise TypeError(f"radar is a {type(radar).__name__}: a Radar is needed (Radar.load('awr1843'))")
         if isinstance(actors, MeshActor):
             actors = (actors,)
-        if not isinstance(actors, Iterable) or getattr(actors, "ndim", 1) == 0:  # an array of one number looks iterable
+        if not isinstance(actors, Iterable) or getattr(actors, "ndim", 1) == 0:  # arrays of no axis are Iterable
             raise TypeError(f"actors is {actors!r}: a list of actors is needed, () for none")
         actors = tuple(actors)
         for actor in actors:
@@ -152,7 +150,7 @@ class Simulator:
         self.actors = with_unique_names(actors)
         self.rtol = float(rtol)
         self.collisions: Policy = collisions
-        self.seed = _checked_seed(seed)
+        self.seed = check_whole("seed", seed)
         self._warned_silent = False
         self._fusion: FusedTracer | None = None
         self.scene.tune(radar.center_frequency)
@@ -170,28 +168,27 @@ class Simulator:
         for actor in self.actors:
             warn_coarse(actor, stacklevel=2)
         if environment is None and refiner is not None:
-            raise ValueError("refiner: there is no environment; an image of the surroundings is needed to be refined")
+            raise ValueError("refiner needs an environment, an image of the surroundings: give one or leave it out")
         if environment is not None:
             self._fusion = FusedTracer(self.tracer, environment, self.seed, refiner)
 
     @cached_property
     def tracer(self) -> Tracer:
-        """The tracer behind the simulation."""
+        """Tracer of the simulation."""
         return Tracer(self.scene, self.radar, self.actors, self.rtol, self.seed, self.max_bounces, self.transmission)
 
     @cached_property
     def _surroundings(self) -> RayScene | None:
-        """The scene's surfaces for rays; None where there are none."""
+        """Ray scene of the scene's surfaces; None for a scene without surfaces."""
         meshes = [(item.vertices, item.faces) for item in self.scene.objects]
         return RayScene(meshes, origin=self.radar.position) if meshes else None
 
     def paths(self, t: float = 0.0) -> RadarPaths:
-        """All paths at instant `t` [s]: gains, delays, rates and labels; a single knot.
+        """All paths at time `t` [s], with a single knot.
 
-        Gains are those of isotropic elements. The tolerance is relative to gains with the antenna patterns: facets are
-        coarser in directions of low antenna gain.
+        Gains are those of isotropic elements; their tolerance is relative to gains with the element patterns.
         """
-        self._check_places(_time("t", t), t)
+        self._check_places(check_time("t", t), t)
         self._warn_silent()
         if self._fusion is not None:
             return concatenate_paths(self._fusion.instant(float(t)))
@@ -207,21 +204,21 @@ class Simulator:
         bounces: int = 1,
         projection: str = "perspective",
     ) -> Pir:
-        """Energy, time of arrival and velocity per pixel at instant `t` [s], by up to `bounces` (1 … 3) surfaces.
+        """Energy, time of arrival and velocity per pixel at time `t` [s], of paths by up to `bounces` (1 … 3) surfaces.
 
-        :func:`~rfgen_sionna.pir.render_pir` renders it. Surroundings from an image are rasterised together with the
-        actors' paths, best at the resolution and the field of view of that image.
+        See :func:`~rfgen_sionna.pir.render_pir`. Surroundings from an image are rasterised together with the actors'
+        paths, best at the resolution and the field of view of that image.
         """
         shape = check_projection(projection)
         rows, columns, angles = check_view(resolution, fov_deg, shape)
         check_bounces(bounces)
-        instant = _time("t", t)
+        instant = check_time("t", t)
         view = self.radar.placed(position=position, orientation=orientation)
         if self._fusion is not None:
             if position is not None or self.radar.trajectory is not None:
-                raise ValueError("position: an image of surroundings is seen from where the radar stands: give None")
+                raise ValueError("position: surroundings from an image have the position of the radar: None is needed")
             if bounces != 1:
-                raise ValueError(f"bounces is {bounces!r}: surroundings from an image reflect nothing, 1 is needed")
+                raise ValueError(f"bounces is {bounces!r}: surroundings from an image have no reflections: 1 is needed")
             own = View((rows, columns), angles, view.position, view.orientation, shape)
             return image(self._fusion.instant(instant), own, instant)
         pose = view.position, view.orientation
@@ -255,16 +252,16 @@ class Simulator:
             Whether thermal noise is added. False removes it from `receiver`; without a `receiver` the samples are
             ideal, neither noisy nor quantised.
         seed
-            Seed of all draws of the receiver; the same seed gives the same samples to the bit.
+            Seed of all draws of the receiver; the same seed gives the same bits.
         receiver
             Impairments of the receiver; None is `Receiver()`: thermal noise and the radar's ADC. The first frame sets
             an automatic full scale.
         device
-            Device that sums the paths: "cpu", "cuda" (the first CUDA device), or "auto", CUDA where there is one. Both
-            are within the tolerance, and each is reproducible to the bit.
+            Device that sums the paths: "cpu", "cuda" (the first CUDA device), or "auto", CUDA if available. Each gives
+            the same bits again; both are within the tolerance.
         workers
-            Number of processes that trace and sum frames, each on one core (Linux, without CUDA). With two or more, the
-            samples are the same to the bit whatever their number; with one, facets differ within the tolerance.
+            Number of processes that trace and sum frames, each on one core (Linux, without CUDA). All numbers from two
+            on give the same bits; one worker has other facets, within the tolerance.
         progress
             Called after each frame.
 
@@ -274,7 +271,7 @@ class Simulator:
             Before any frame is traced, naming the argument, its value and what is allowed.
         """
         if progress is not None and not callable(progress):
-            raise TypeError(f"progress is {progress!r}: a function of the frames done and in all, or None, is needed")
+            raise TypeError(f"progress is {progress!r}: a function of two numbers of frames, or None, is needed")
         times = self.frame_times(duration, start)
         data = np.empty((len(times), *self.radar.frame_shape), dtype=np.complex64)
         for frame in self.frames(
@@ -296,9 +293,8 @@ class Simulator:
         device: str = "auto",
         workers: int = 1,
     ) -> Iterator[Frame]:
-        """The frames of :meth:`adc` one by one, each when the next one is traced; memory does not grow with their
-        number."""
-        seed, noise = _checked_seed(seed), _switch("noise", noise)
+        """Iterator over the frames of :meth:`adc`, with constant memory; it traces the next frame meanwhile."""
+        seed, noise = check_whole("seed", seed), _switch("noise", noise)
         if receiver is not None and not isinstance(receiver, Receiver):
             raise TypeError(f"receiver is a {type(receiver).__name__}: a Receiver or None is needed")
         if receiver is None:
@@ -332,15 +328,19 @@ class Simulator:
             yield Frame(index, traced.begin, capture.samples, traced.report, full_scale, capture.clipped, image_paths)
 
     def is_occluded(self, actor: MeshActor, start: float, stop: float) -> bool:
-        """Whether static surfaces, or surroundings from an image, occlude all of `actor` from the radar at every
-        instant tried from `start` to `stop` [s]."""
+        """Whether static surfaces, or surroundings from an image, occlude all of `actor` from the radar from `start` to
+        `stop` [s], at sampled times."""
         occluder = self._surroundings if self._fusion is None else self._fusion.surroundings
         return is_occluded(self.radar, occluder, actor, start, stop)
 
     hidden = Renamed("is_occluded")
 
+    @property
+    def rays(self) -> NoReturn:
+        raise AttributeError("Simulator.rays was removed: its ray mode is a test reference, tests/reference/sbr")
+
     def frame_times(self, duration: float, start: float = 0.0) -> NDArray[np.float64]:
-        """(frame,) starts of the frames that fit into `duration` [s]."""
+        """(frame,) starts of the frames that fit into `duration` [s]; ValueError where none fits."""
         waveform = self.radar.waveform
         if not (is_number(duration) and duration > 0):
             raise ValueError(f"duration is {duration!r} s: a positive, finite time is needed")
@@ -350,10 +350,10 @@ class Simulator:
                 f"takes {waveform.frame_length:.6g} s: give at least that"
             )
         count = max(1, int(np.floor(duration / waveform.frame_period + 1e-9)))
-        return np.asarray(_time("start", start) + np.arange(count) * waveform.frame_period, dtype=np.float64)
+        return np.asarray(check_time("start", start) + np.arange(count) * waveform.frame_period, dtype=np.float64)
 
     def _check_places(self, start: float, stop: float) -> None:
-        """Check the places of radar and actors from `start` to `stop` [s]: clearance, range window, collisions."""
+        """Check positions of radar and actors from `start` to `stop` [s]: distances, range window, collisions."""
         check_path_clear(self.radar, self.scene, self.actors, start, stop)
         moves = self.radar.trajectory is not None
         check_places(self.radar, relative_objects(self.radar, None, self.actors) if moves else self.actors, start, stop)
@@ -361,7 +361,7 @@ class Simulator:
         check_actor_overlaps(self.actors, start, stop, self.collisions, 3, self.radar.pose(start)[0])
 
     def _warn_silent(self) -> None:
-        """Warn once of a scene without any return."""
+        """Warn once about a scene without any return."""
         if self._warned_silent or self.scene.is_free_space or self.radar.trajectory is not None:
             return
         self._warned_silent = True
@@ -369,11 +369,9 @@ class Simulator:
             return
         name, reach = nearest_surface(self.radar.position, self.scene)
         limit = self.radar.max_range
-        why = (
-            f"its nearest surface, {name!r}, is {reach:.2f} m away and the ADC's range window ends at {limit:.2f} m"
-            if reach > limit
-            else f"nothing of it within the range window ({limit:.2f} m) is seen, {name!r} at {reach:.2f} m is nearest"
-        )
+        why = f"its nearest surface, {name!r}, is {reach:.2f} m away and the range window ends at {limit:.2f} m"
+        if reach <= limit:
+            why += ", but no surface within it is visible"
         warnings.warn(f"the radar receives nothing of scene '{self.scene.name}': {why}", stacklevel=3)
 
 
@@ -381,19 +379,7 @@ def _end(actor: MeshActor) -> float:
     return actor.duration if np.isfinite(actor.duration) else 0.0
 
 
-def _checked_seed(seed: Any) -> int:
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ValueError(f"seed is {seed!r}: a whole number of at least 0 is needed")
-    return int(seed)
-
-
 def _switch(name: str, value: Any) -> bool:
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{name} is {value!r}: True or False is needed")
     return bool(value)
-
-
-def _time(name: str, value: Any) -> float:
-    if not (is_number(value) and abs(value) <= MAX_TIME):
-        raise ValueError(f"{name} is {value!r}: a finite time of -{MAX_TIME:g} … {MAX_TIME:g} s is needed")
-    return float(value)

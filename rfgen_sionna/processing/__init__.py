@@ -1,18 +1,11 @@
-"""Radar signal processing for simulated and measured cubes: spectra, angles, spectrograms, detections. Pure NumPy
-and SciPy."""
+"""Radar signal processing of simulated and measured cubes: spectra, angles, spectrograms, detections."""
 
 from rfgen_sionna.processing.angle import compensate_tdm, find_directions, steering
 from rfgen_sionna.processing.azimuth import DynamicRangeAngle, RangeAzimuth, drai, range_azimuth
 from rfgen_sionna.processing.demultiplex import demultiplex, select_profile, select_slot
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
 from rfgen_sionna.processing.pointcloud import PointCloud, point_cloud
-from rfgen_sionna.processing.spectrogram import (
-    DopplerTime,
-    RangeTime,
-    doppler_time,
-    micro_doppler,
-    range_time,
-)
+from rfgen_sionna.processing.spectrogram import DopplerTime, RangeTime, doppler_time, micro_doppler, range_time
 from rfgen_sionna.processing.spectrum import (
     RangeDoppler,
     range_axis,

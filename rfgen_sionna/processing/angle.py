@@ -1,9 +1,8 @@
 """Directions of arrival from the virtual array of a MIMO radar.
 
-Everything works on the element positions as they are; no regular array is assumed. Directions are in the device
-frame (boresight +x, y to the left, z up): azimuth atan2(y, x) grows to the left, elevation asin(z) upwards.
-A target in direction u at a distance R shows the channel (tx, rx) with the path |R u - p_tx| + |R u - p_rx|, far
-away 2 R - (p_tx + p_rx) . u, and the beat signal turns with +k times that path.
+Arrays need not be regular. Directions are in the device frame (boresight +x, y to the left, z up): azimuth atan2(y, x)
+grows to the left, elevation asin(z) upwards. The path of the channel (tx, rx) to a target in direction u at a distance
+R is |R u - p_tx| + |R u - p_rx|, far away 2 R - (p_tx + p_rx) . u; the phase of the beat signal is +k times that path.
 """
 
 from __future__ import annotations
@@ -22,15 +21,15 @@ if TYPE_CHECKING:
 
 
 def unit_vectors(azimuth: ArrayLike, elevation: ArrayLike) -> FloatArray:
-    """(..., 3) unit vectors in the device frame for angles [rad], broadcast against each other."""
+    """(..., 3) unit vectors in the device frame of broadcast angles [rad]."""
     az, el = np.broadcast_arrays(np.asarray(azimuth, np.float64), np.asarray(elevation, np.float64))
     return np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=-1)
 
 
 def steering(radar: Radar, direction: FloatArray, distance: FloatArray | None = None) -> NDArray[np.complex128]:
-    """(..., tx, rx) phase factors of a target at unit vectors `direction` (..., 3), relative to the frame's origin.
+    """(..., tx, rx) phase factors of targets in `direction` (..., 3), unit vectors, relative to the frame's origin.
 
-    With `distance` (...) [m] the wave front is the true sphere, without it plane.
+    The wave front is a sphere of radius `distance` (...) [m]; None takes a plane one.
     """
     wavenumber = 2 * np.pi / radar.wavelength
     if distance is None:
@@ -45,16 +44,16 @@ def steering(radar: Radar, direction: FloatArray, distance: FloatArray | None = 
 
 
 def compensate_tdm(channels: ComplexChannels, radar: Radar, velocity: ArrayLike) -> ComplexChannels:
-    """Turn every slot back by the Doppler phase it gathered until its time, and decode slots that share elements.
+    """Channels without the Doppler phase of each slot's time, decoded to Tx elements.
 
     Parameters
     ----------
     channels
-        (..., tx, rx) values of one Doppler bin each, "tx" as :func:`~rfgen_sionna.processing.spectrum.range_doppler`
-        leaves it.
+        (..., tx, rx) values of one Doppler bin each, with the axis "tx" of
+        :func:`~rfgen_sionna.processing.spectrum.range_doppler`.
     velocity
-        (...) radial velocity [m/s] of that bin, positive receding. Add multiples of `2 radar.max_velocity` to try
-        another Doppler ambiguity: the Doppler spectrum cannot tell them apart, the array can.
+        (...) radial velocity [m/s] of that bin, positive receding. Multiples of `2 radar.max_velocity` added to it are
+        other Doppler ambiguities, with the same spectrum and other channels.
 
     Returns
     -------
@@ -78,9 +77,14 @@ class Directions:
     elevation: FloatArray
     """(n,) [rad], positive upwards; 0 where the array has one row only."""
     velocity: FloatArray
-    """(n,) [m/s] the radial velocity given, or the ambiguity of it that fits the array best."""
+    """(n,) [m/s] given radial velocity, or its ambiguity of most beam power."""
     power: FloatArray
-    """(n,) power of the beam in that direction: that of one channel if all channels agree."""
+    """(n,) power of the beam in that direction: that of one channel for a single target."""
+
+    def replaced(self, mask: NDArray[np.bool_], other: Directions) -> Directions:
+        """Estimates of `other` where `mask` (n,) is set, else the own ones."""
+        pairs = zip(vars(other).values(), vars(self).values(), strict=True)
+        return Directions(*(np.where(mask, new, old) for new, old in pairs))
 
 
 def find_directions(
@@ -91,22 +95,27 @@ def find_directions(
     distance: ArrayLike | None = None,
     ambiguities: int = 0,
 ) -> Directions:
-    """Strongest direction of each channel vector: the peak of the beam over all true element positions.
+    """Strongest direction of each channel vector: the peak of the beam over all element positions.
 
-    For one target this is the maximum-likelihood estimate. A search over direction cosines, four steps a beam
-    width, is followed by a local search down to 1/500 of a beam width.
+    For one target this is the maximum-likelihood estimate. A search over direction cosines, in steps of a quarter beam
+    width, precedes a local search down to 1/500 of a beam width.
 
     Parameters
     ----------
     channels
-        (n, tx, rx) values at the range-Doppler peaks, as `range_doppler` leaves them.
+        (n, tx, rx) values of the peaks of :func:`~rfgen_sionna.processing.spectrum.range_doppler`.
     velocity
         (n,) radial velocity [m/s] of each peak.
     distance
-        (n,) [m]; given, the wave front is a sphere. It matters where (aperture)² / (8 distance) nears λ/16.
+        (n,) radius of a spherical wave front [m], for (aperture)² / (8 distance) near λ/16; None takes a plane one.
     ambiguities
-        Also try `velocity` plus up to so many multiples of `2 radar.max_velocity` on either side and keep the best.
-        Needs several Tx elements in different slots.
+        Largest multiple of `2 radar.max_velocity` that is added to `velocity` on either side; the strongest beam
+        counts. More than 0 needs several Tx elements in different slots.
+
+    Raises
+    ------
+    ValueError
+        For another shape of `channels`, or ambiguities without several slots.
     """
     channels = np.asarray(channels)
     count = len(channels)
@@ -124,22 +133,11 @@ def find_directions(
     for fold in sorted(range(-ambiguities, ambiguities + 1), key=abs):
         trial = speed + 2 * fold * radar.max_velocity
         found = _search(compensate_tdm(channels.astype(np.complex128), radar, trial), radar, away)
-        # A tie (slots that cannot tell, as two of a code cannot tell one fold from its opposite) goes to the smaller
-        # speed.
+        # A tie, as of opposite folds with two slots of a code, goes to the smaller speed.
         as_good = found[2] > best.power * (1 - 1e-6)
         better = (found[2] > best.power * (1 + 1e-6)) | (as_good & (np.abs(trial) < np.abs(best.velocity)))
         better = better if fold else np.ones(count, bool)
-        best = Directions(
-            *(
-                np.where(better, new, old)
-                for new, old in (
-                    (found[0], best.azimuth),
-                    (found[1], best.elevation),
-                    (trial, best.velocity),
-                    (found[2], best.power),
-                )
-            )
-        )
+        best = best.replaced(better, Directions(found[0], found[1], trial, found[2]))
     return best
 
 
@@ -172,7 +170,7 @@ def _search(
         response = np.abs(flat[part] @ beams.T)
         first = response.argmax(axis=1)
         cosines[part], best = grid[first], response.max(axis=1)
-        # Between two grid points the true peak may lie below a grating lobe on one: look at both more closely.
+        # A true peak between grid points may be lower there than a grating lobe on one: both are refined.
         response[(np.abs(grid - grid[first][:, None]) <= 2.5 * np.maximum(step, 1e-9)).all(axis=-1)] = 0.0
         rivals[part] = grid[response.argmax(axis=1)]
         rivalled[part] = response.max(axis=1) > 0.7 * best
@@ -184,7 +182,7 @@ def _search(
         None if distance is None else distance[owner],
         radar,
     )
-    # Of two as good as each other, as an array with wide gaps has them, the one nearer to boresight counts.
+    # Of equal peaks, as of an array with wide gaps, the one nearer to boresight counts.
     better = power[count:] > power[owner[count:]] * (1 + 1e-3)
     as_good = power[count:] > power[owner[count:]] * (1 - 1e-3)
     nearer = np.linalg.norm(cosines[count:], axis=1) < np.linalg.norm(cosines[owner[count:]], axis=1)
@@ -197,7 +195,7 @@ def _search(
 def _refine(
     cosines: FloatArray, step: FloatArray, flat: ComplexChannels, distance: FloatArray | None, radar: Radar
 ) -> tuple[FloatArray, FloatArray]:
-    """Direction cosines (n, 2) moved to the beam's peak nearby, and its power (n,); `step` is (2,)."""
+    """Direction cosines (n, 2) of the nearest peak of the beam, and its power (n,); `step` is (2,)."""
     count, elements = flat.shape
     offset = np.array([(a, b) for a in (-1, -0.5, 0, 0.5, 1) for b in (-1, -0.5, 0, 0.5, 1)])
     power = np.empty(count)

@@ -1,4 +1,4 @@
-"""Maps of power against range and azimuth: range-azimuth maps and the images of gesture networks (DRAI)."""
+"""Power against range and azimuth: range-azimuth maps and dynamic range-angle images (DRAI)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,10 @@ if TYPE_CHECKING:
 
 
 def row_weights(radar: Radar, window: str = "none") -> FloatArray:
-    """(tx, rx) weights for azimuth maps: the horizontal row with most virtual elements, others 0; their sum is 1.
+    """(tx, rx) weights of azimuth maps, of sum 1: the horizontal row with most virtual elements, others 0.
 
-    Elements off that row would bring the elevation of a target into its azimuth.
-
-    Parameters
-    ----------
-    window
-        "none" or "hamming" (over the true element positions: lower side lobes, a wider beam).
+    Elements off that row would change azimuth by elevation. `window` over the element positions is "none" or "hamming"
+    (lower side lobes, a wider beam); another one is a ValueError.
     """
     position = radar.virtual_positions
     height = np.round(position[..., 2] / (radar.wavelength / 16)).astype(int)
@@ -36,7 +32,7 @@ def row_weights(radar: Radar, window: str = "none") -> FloatArray:
     if window == "none":
         shape = np.ones_like(y)
     elif window == "hamming":
-        # One element pitch more than the aperture, as a sampled window has.
+        # One element pitch longer, so that no element has the weight of the window's end.
         aperture = (high - low) + radar.wavelength / 2
         shape = 0.54 + 0.46 * np.cos(2 * np.pi * (y - (low + high) / 2) / aperture)
     else:
@@ -50,7 +46,7 @@ class RangeAzimuth:
     """Power against range and azimuth."""
 
     power: FloatArray
-    """(..., range, azimuth), summed over Doppler: |amplitude|² of the samples for one target."""
+    """(..., range, azimuth) sum over Doppler: |amplitude|² of the samples for one target."""
     range: FloatArray
     """(range,) [m]"""
     azimuth: FloatArray
@@ -67,18 +63,18 @@ def range_azimuth(
     array_window: str = "hamming",
     range_window: Window = "hann",
 ) -> RangeAzimuth:
-    """Range-azimuth map: beams on the array's main row, each Doppler bin compensated for the times of its slots.
+    """Range-azimuth map: beams of the array's main row, each Doppler bin compensated for the times of its slots.
 
     Parameters
     ----------
     cube
         (..., chirp, tx, rx, sample).
     azimuth
-        (azimuth,) [rad]; by default 128 directions, even in their sine, within ±90°.
+        (azimuth,) [rad]; None takes 128 directions, even in their sine, within ±90°.
     max_range
-        Range bins beyond it are left out [m].
+        Largest range of the map [m]; None takes all bins.
     static
-        Whether what does not move is kept.
+        Whether static returns are kept.
     array_window
         "hamming" or "none", see :func:`row_weights`.
     """
@@ -91,11 +87,11 @@ def range_azimuth(
     spectrum = compensate_tdm(spectrum, radar, maps.velocity)
     beams = steering(radar, unit_vectors(angles, 0.0)).conj() * row_weights(radar, array_window)
     used = row_weights(radar) > 0
-    # One matrix product: NumPy would make a small one of each range bin.
+    # One matrix product instead of one for each range bin.
     chosen = spectrum[..., used]
     matrix = np.ascontiguousarray(beams[:, used].T.astype(spectrum.dtype))
     beam = (chosen.reshape(-1, chosen.shape[-1]) @ matrix).reshape(*chosen.shape[:-1], len(angles))
-    # Parseval: the bins of one windowed tone add up to its power times this.
+    # Parseval: power of the bins of a windowed tone over its own power.
     chirps = array.shape[-4]
     spread = chirps * np.sum(np.square(taper("hann", chirps)))
     power = np.sum(np.square(beam.real, dtype=np.float64) + np.square(beam.imag, dtype=np.float64), axis=-2) / spread
@@ -107,7 +103,7 @@ class DynamicRangeAngle:
     """Dynamic range-angle images (DRAI), the input of gesture networks such as DI-Gesture's."""
 
     image: NDArray[np.float32]
-    """(frame, range, angle) power of what moves."""
+    """(frame, range, angle) power of moving returns."""
     range: FloatArray
     """(range,) [m]"""
     angle: FloatArray
@@ -115,16 +111,20 @@ class DynamicRangeAngle:
 
 
 def drai(cube: ArrayLike, radar: Radar, *, range_bins: int = 32, angle_bins: int = 32) -> DynamicRangeAngle:
-    """One image a frame of the moving scene: the first range bins against `angle_bins` beams, (T, 32, 32).
+    """One image a frame of the moving scene: the first `range_bins` against `angle_bins` beams.
 
-    Static returns are taken out by the mean over the chirps of a frame. The published images come from the same
-    steps (range FFT, clutter removal, angle spectrum, rows range and columns angle); here each Doppler bin is
-    also freed of its TDM phase, so that motion does not look like angle.
+    Range FFT, removal of static returns by the mean over the chirps, angle spectrum, as for the published images; here
+    also with compensation of the TDM phase of each Doppler bin.
 
     Parameters
     ----------
     cube
         (frame, chirp, tx, rx, sample).
+
+    Raises
+    ------
+    ValueError
+        For another number of axes or an invalid number of bins.
     """
     array = np.asarray(cube)
     if array.ndim != 5:

@@ -1,4 +1,4 @@
-"""From slots as the hardware samples them to Tx elements: profiles, beams, codes and Doppler bands."""
+"""From sampled slots to Tx elements: profiles, beams, codes and Doppler bands."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
 
 def select_profile(cube: ArrayLike, radar: Radar, profile: int) -> tuple[ComplexChannels, Radar]:
-    """The chirps of one profile and the radar as they see it.
+    """Chirps of one profile, and their radar.
 
     Parameters
     ----------
     cube
-        (..., chirp, tx, rx, sample) with an entry of "tx" for each slot of the loop.
+        (..., chirp, tx, rx, sample) with an entry of "tx" for each slot of the loop, else a ValueError.
     profile
         Index of the profile.
 
     Returns
     -------
     cube, radar
-        (..., chirp, tx, rx, sample) with the profile's slots alone; a radar with its Tx elements and its timing.
+        (..., chirp, tx, rx, sample) with the slots of the profile; a radar with its Tx elements and times.
     """
     array = np.asarray(cube)
     chosen = radar.of_profile(profile)
@@ -49,9 +49,10 @@ def select_profile(cube: ArrayLike, radar: Radar, profile: int) -> tuple[Complex
 
 
 def select_slot(cube: ArrayLike, radar: Radar, slot: int) -> tuple[ComplexChannels, Radar]:
-    """The chirps of one slot and a radar of a single Tx, in the middle of the elements that radiate in it.
+    """Chirps of one slot, (..., chirp, 1, rx, sample), and a radar of a single Tx in the middle of its elements.
 
-    What they radiate together is one beam; where its phase centre is changes the phase of everything alike.
+    The elements radiate one beam; its phase centre changes the phase of all returns alike. A ValueError is raised for
+    an unknown slot, and for a radar without beams.
     """
     array = check_cube(cube, radar)
     wave = radar.waveform
@@ -69,33 +70,25 @@ def select_slot(cube: ArrayLike, radar: Radar, slot: int) -> tuple[ComplexChanne
 
 
 def as_beams(cube: ArrayLike, radar: Radar) -> tuple[ComplexChannels, Radar]:
-    """The cube and its radar, with one Tx where all elements radiate one beam.
-
-    Raises
-    ------
-    ValueError
-        If there are several beams.
-    """
+    """Cube and radar, with one Tx where all elements radiate one beam; several beams are a ValueError."""
     array = check_cube(cube, radar)
     if radar.waveform.multiplexing != "beam":
         return array, radar
     if len(radar.waveform.slots) > 1:
-        decoder(radar)  # says why there is none
+        decoder(radar)  # raises
     return select_slot(array, radar, 0)
 
 
 def demultiplex(cube: ArrayLike, radar: Radar) -> tuple[ComplexChannels, Radar]:
-    """The cube that Tx elements with echoes of their own would have left, and its radar.
+    """Cube with the separate echoes of each Tx element, and its radar.
 
-    - TDM stays as it is: each element at the time of its slot.
-    - BPM: Doppler moves each slot to the middle of the loop, then the code's inverse gives the elements, all of them at
-      that time.
-    - DDM: each element's band, moved to zero Doppler, as its own series of fewer chirps over the same time.
+    - TDM is unchanged: each element at the time of its slot.
+    - BPM: a phase by Doppler moves each slot to the middle of the loop, and the inverse of the code gives the elements.
+    - DDM: the band of each element, moved to zero Doppler, with fewer chirps over the same time.
     - One beam: one Tx.
 
-    It assumes velocities within `radar.max_velocity`, and works by transforms of the whole frame: at its beginning and
-    end signals that are not periodic in it ring. Range-Doppler maps, angles and point clouds need none of this; they
-    take cubes as sampled and decode in the Doppler domain.
+    Velocities must be within `radar.max_velocity`. Transforms of the whole frame ring at its ends for signals that are
+    not periodic. Range-Doppler maps, angles and point clouds take sampled cubes and decode in the Doppler domain.
 
     Parameters
     ----------
@@ -105,8 +98,8 @@ def demultiplex(cube: ArrayLike, radar: Radar) -> tuple[ComplexChannels, Radar]:
     Returns
     -------
     cube, radar
-        (..., chirp, tx, rx, sample) with an entry of "tx" for each Tx element; the radar's `max_velocity` and
-        `velocity_resolution` stay.
+        (..., chirp, tx, rx, sample) with an entry of "tx" for each Tx element; a radar of the same `max_velocity` and
+        `velocity_resolution`.
     """
     array, radar = as_beams(cube, radar)
     wave = radar.waveform

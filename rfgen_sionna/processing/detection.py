@@ -1,10 +1,9 @@
 """Detection in range-Doppler maps: CFAR thresholds, peaks, positions between bins.
 
-Maps have the axes (range, velocity); the Doppler axis is periodic, the range axis is mirrored at its ends.
-Thresholds are exact for independent cells of complex Gaussian noise, power-averaged over `looks` channels; a
-window or zero padding correlates neighbouring cells and makes the true false alarm rate somewhat higher.
-Sources: H. Finn and R. Johnson, RCA Review 29 (1968), 414 (cell averaging); H. Rohling, IEEE Trans. AES-19 (1983),
-608 (ordered statistics).
+Maps have the axes (range, velocity); the Doppler axis is periodic, the range axis is mirrored at its ends. Thresholds
+are exact for independent cells of complex Gaussian noise, power-averaged over `looks` channels; a window or zero
+padding correlates neighbouring cells and raises the false alarm rate. Sources: H. Finn and R. Johnson, RCA Review 29
+(1968), 414 (cell averaging); H. Rohling, IEEE Trans. AES-19 (1983), 608 (ordered statistics).
 """
 
 from __future__ import annotations
@@ -41,21 +40,25 @@ def cfar(
     power
         (range, velocity), not in dB.
     method
-        "ca" averages the training cells; "os" takes the cell at `rank` of their order: slower, and strong
-        neighbours do not hide a target.
+        "ca" averages the training cells; "os" takes their quantile `rank`: slower, and robust to strong neighbours.
     false_alarm
         Probability per cell, 0 … 0.5.
     guard, train
-        Cells on either side of the cell under test, along (range, velocity), that are left out and that are used.
+        Guard and training cells on either side of the cell under test, along (range, velocity).
     looks
-        Independent channels whose powers were averaged.
+        Number of independent channels in the average of powers.
     rank
         Quantile for "os".
 
     Returns
     -------
     detected, noise
-        (range, velocity) whether a cell passes, and the estimated mean noise power around it.
+        (range, velocity) whether a cell exceeds its threshold, and the estimated mean noise power around it.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and what is allowed.
     """
     array = np.asarray(power, np.float64)
     if array.ndim != 2 or array.size == 0 or not np.all(np.isfinite(array)) or array.min() < 0:
@@ -81,12 +84,12 @@ def cfar(
         order = min(cells, max(1, round(rank * cells)))
         ring = np.ones(outer, bool)
         ring[train[0] : outer[0] - train[0], train[1] : outer[1] - train[1]] = False
-        # Rank filters take one mode for all axes only, so the rims are laid on first.
+        # Rank filters take one mode for all axes: the map is padded first.
         (up, side) = (outer[0] // 2, outer[1] // 2)
         padded = np.pad(np.pad(array, ((up, up), (0, 0)), "reflect"), ((0, 0), (side, side)), "wrap")
         level = ndimage.rank_filter(padded, order - 1, footprint=ring)
         level = level[up : up + array.shape[0], side : side + array.shape[1]]
-        # The quantile of averaged noise as a share of its mean.
+        # Quantile of averaged noise as a share of its mean.
         share = float(gammaincinv(looks, order / (cells + 1))) / looks
         return array > os_factor(false_alarm, cells, order, looks) * level, level / share
     raise ValueError(f"method is {method!r}; allowed: 'ca', 'os'")
@@ -94,7 +97,7 @@ def cfar(
 
 @cache
 def ca_factor(false_alarm: float, cells: int, looks: int = 1) -> float:
-    """Threshold over the mean of `cells` training cells: the ratio of two gamma variables follows an F law."""
+    """Threshold over the mean of `cells` training cells: the ratio of two gamma variables is F distributed."""
     return float(f.isf(false_alarm, 2 * looks, 2 * looks * cells))
 
 
@@ -103,7 +106,7 @@ def os_factor(false_alarm: float, cells: int, order: int, looks: int = 1) -> flo
     """Threshold over the `order`-th smallest (from 1) of `cells` training cells."""
 
     def excess(log_factor: float) -> float:
-        # The order statistic of uniform numbers is beta distributed; gamma.ppf makes it one of powers.
+        # The order statistic of uniform numbers is beta distributed; gamma.ppf maps it to powers.
         def integrand(u: float) -> float:
             level = gamma.ppf(u, looks, scale=1 / looks)
             passing = gamma.sf(np.exp(log_factor) * level, looks, scale=1 / looks)
@@ -135,8 +138,7 @@ def refine_peaks(power: ArrayLike, cells: NDArray[np.integer]) -> tuple[FloatArr
     Returns
     -------
     position, peak
-        (n, 2) fractional indices, at most half a bin off the cells, and (n,) the power there. With a Hann window
-        and zero padding to twice the length the bias is below 0.01 resolution cells and 0.02 dB.
+        (n, 2) fractional indices, at most half a bin off the cells, and (n,) the power there.
     """
     array = np.asarray(power, np.float64)
     log = np.log(np.maximum(array, np.finfo(float).tiny))

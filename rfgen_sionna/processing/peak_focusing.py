@@ -1,8 +1,7 @@
-"""Points at speeds that the Doppler axis does not hold: at its very ends, and beyond them once they are unfolded.
+"""Peaks at or beyond the ends of the Doppler axis, from transforms at their own speeds.
 
-A map corrects each Doppler bin's migration for the bin's own speed. What is folded into a bin by twice the unambiguous
-speed stays smeared over the ranges that it crosses, and a peak at one end of the axis has its other half at the other
-end, corrected for the opposite speed. Here the transform is taken at the speeds that count instead.
+A map corrects the migration of each Doppler bin for the speed of the bin. The return of a folded, faster target stays
+smeared in range, and a peak at the end of the axis is split between both ends, one half of it with the wrong sign.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from rfgen_sionna.processing.spectrum import range_transform
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
-_STEPS, _TIE = 2, 1.01
+_STEPS, _TIE = 2, 1.01  # half velocity cells on either side of a speed; power ratio of a clearly higher peak
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class FocusedPeak:
     """One peak."""
 
     range: float
-    """Place in the range spectrum [m], range-Doppler coupling included."""
+    """Position in the range spectrum [m], range-Doppler coupling included."""
     velocity: float
     """[m/s]"""
     power: float
@@ -40,18 +39,18 @@ class FocusedPeak:
 def focus_peak(
     tapered: ComplexChannels, radar: Radar, place: float, velocities: FloatArray, smear: float, bins: int
 ) -> FocusedPeak:
-    """The sharpest peak near one of several speeds.
+    """Highest peak near one of several speeds.
 
     Parameters
     ----------
     tapered
         (chirp, tx, rx, sample) with the windows of both transforms.
     place
-        Where the range spectrum has its peak [m].
+        Peak of the range spectrum [m].
     velocities
-        (n,) speeds to try [m/s]; the first one counts unless another's peak is clearly higher.
+        (n,) candidate speeds [m/s]; a later one counts where its peak is clearly higher.
     smear
-        How far from `place` the peak may be [m].
+        Largest distance of the peak from `place` [m].
     bins
         Length of the range transform.
     """
@@ -74,12 +73,12 @@ def focus_peak(
 
 
 def at_velocity(tapered: ComplexChannels, radar: Radar, velocity: float, bins: int) -> ComplexChannels:
-    """(tx, rx, range) spectra of what moves at `velocity` [m/s], its migration corrected."""
+    """(tx, rx, range) spectra at `velocity` [m/s], with corrected migration."""
     chirps, samples = tapered.shape[0], tapered.shape[-1]
     step = radar.waveform.slope / radar.waveform.sample_rate
     scale = 1 + step * (np.arange(samples) - 0.5 * (samples - 1)) / radar.center_frequency
     cycles = 2 * velocity / radar.wavelength * radar.waveform.loop_period
     middle = 0.5 * (chirps - 1)
-    # The frame's middle stays where it is in range, not its first chirp.
+    # The middle of the frame keeps its range.
     turn = np.exp(-2j * np.pi * cycles * (scale * (np.arange(chirps)[:, None] - middle) + middle))
     return range_transform(np.einsum("ctrs,cs->trs", tapered, turn.astype(tapered.dtype)), radar, bins)

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 _GUARD, _TRAIN = 2, 8
-"""Resolution cells on either side that CFAR leaves out and trains on, where the map has room for them."""
+"""Default guard and training cells of CFAR on either side, in resolution cells; small maps have fewer."""
 
 
 @dataclass(frozen=True)
@@ -50,17 +50,17 @@ class PointCloud:
     azimuth: FloatArray
     """(point,) [rad], device frame, positive to the left."""
     elevation: FloatArray
-    """(point,) [rad], device frame, positive upwards; 0 where the array has no height."""
+    """(point,) [rad], device frame, positive upwards; 0 for an array of one row."""
     power: FloatArray
     """(point,) mean power of a channel, in the unit of |sample|²."""
     snr_db: FloatArray
-    """(point,) power over the local noise of the map after both transforms [dB]."""
+    """(point,) power over the local noise of the map [dB]."""
     device: FloatArray
     """(point, 3) position in the device frame [m]: x boresight, y left, z up."""
     position: FloatArray
     """(point, 3) position in the world frame [m]."""
     time: float
-    """Instant after the start of the frame that everything refers to [s]."""
+    """Time of the estimates after the start of the frame [s]."""
 
     def __len__(self) -> int:
         return len(self.range)
@@ -83,43 +83,45 @@ def point_cloud(
 ) -> PointCloud:
     """Detect, refine and locate the targets of one frame (chirp, tx, rx, sample).
 
-    Detection runs on the power averaged over the channels, at twice the FFT lengths; `guard` and `train` count
-    resolution cells. Every local maximum over the threshold becomes one point in its strongest direction.
+    CFAR runs on the mean power of the channels, at twice the FFT lengths. Every local maximum over the threshold
+    becomes one point in its strongest direction.
 
-    Speeds beyond `radar.max_velocity` fold. Tx elements in Doppler bands (DDM) of which one is empty tell the fold by
-    where it is empty, up to `doppler_bands` times that speed and as long as no other target of that range is a whole
-    number of bands faster. Elsewhere `ambiguities` tries folds; without it a speed within a cell of the limit is told
-    by its migration alone, and a faster one appears 2 `max_velocity` lower, its range off by the difference in
-    range-Doppler coupling (:func:`~rfgen_sionna.processing.spectrum.coupling`). Bands without an empty one tell nothing
-    by themselves; `ambiguities` asks the array then.
+    Speeds beyond `radar.max_velocity` fold. With Tx elements in Doppler bands (DDM), an empty band determines the fold,
+    up to `doppler_bands` times that speed, for one target per range. Elsewhere `ambiguities` compares folds by the
+    array. Without either, migration determines the sign of a speed within a cell of the limit, and a faster target
+    appears 2 `max_velocity` lower, with a range error by :func:`~rfgen_sionna.processing.spectrum.coupling`.
 
     Parameters
     ----------
     static
-        Whether what stands still within the frame is kept; otherwise the mean over the chirps is taken out. Within two
-        Doppler cells of rest that takes a part of what moves as well: its power is less, an echo of it is on the other
-        side of rest, and the closer it is to rest, the more noise its velocity has.
+        Whether static returns are kept; otherwise the mean over the chirps is subtracted. That also lowers the power
+        of targets within two Doppler cells of rest and adds noise to their velocity.
     method, false_alarm, guard, train
-        See :func:`rfgen_sionna.processing.detection.cfar`. None takes 2 guard and 8 training cells on either side of an
-        axis, or as many as it has room for: of the 16 chirps of a Position2Go's frame 2 and 5.
+        See :func:`rfgen_sionna.processing.detection.cfar`; `guard` and `train` in resolution cells. None takes 2 guard
+        and 8 training cells on either side of an axis, or fewer on a small map.
     range_limits
-        Nearest and farthest range [m] that count; by default all but the first two resolution cells.
+        Smallest and largest range [m]; None excludes the first two resolution cells.
     max_points
-        The strongest so many are kept.
+        Largest number of points, the strongest ones.
     dynamic_range_db
-        Points so far below the strongest are dropped: noise-free data have no floor but that of the windows.
+        Points weaker than the strongest by more than this are dropped: data without noise have no other floor.
     window
-        For both transforms. Side lobes are detections where CFAR trains along range only and targets stand far out
-        of the noise: Hann's first lie 31 dB below the peak, Blackman's 58 dB.
+        Window of both transforms. Its side lobes may be detections of strong targets: Hann's are 31 dB below the peak,
+        Blackman's 58 dB.
     ambiguities
-        See :func:`rfgen_sionna.processing.angle.find_directions`. In Doppler bands folds are by a band each, and 0
-        with an empty band is all of them.
+        See :func:`rfgen_sionna.processing.angle.find_directions`. In Doppler bands a fold is one band, and 0 with an
+        empty band takes all folds.
+
+    Raises
+    ------
+    ValueError
+        For a radar without a slope, a cube of another shape, or an argument out of its range.
     """
     array, radar = as_beams(check_cube(frame, radar), radar)
     if radar.waveform.slope == 0:
         raise ValueError(
-            f"radar '{radar.name}' with preset '{radar.preset}' keeps its frequency and tells no ranges: there are no "
-            "points; range_doppler and micro_doppler give its velocities"
+            f"radar '{radar.name}' with preset '{radar.preset}' has a slope of 0, so that points have no ranges: "
+            "range_doppler and micro_doppler give velocities"
         )
     if array.ndim != 4:
         raise ValueError(f"frame has shape {array.shape}: one frame (chirp, tx, rx, sample) is needed")
@@ -144,7 +146,7 @@ def point_cloud(
     maps = RangeDoppler(whole.spectrum[own], whole.range, whole.velocity[own])
     power = maps.power
     guard, train = _window(power.shape, padding, guard, train)
-    # Neighbouring virtual elements share their noise-free signal, not their noise: every channel is a look.
+    # The noise of channels is independent: every channel is a look.
     detected, noise = cfar(
         power,
         method=method,
@@ -162,14 +164,14 @@ def point_cloud(
     order = np.argsort(power[cells[:, 0], cells[:, 1]], kind="stable")[::-1][:max_points]
     cells = cells[order]
     place, peak = refine_peaks(power, cells)
-    seen = place[:, 0] * (maps.range[1] - maps.range[0])
+    apparent = place[:, 0] * (maps.range[1] - maps.range[0])
     velocity = maps.velocity[0] + place[:, 1] * (maps.velocity[1] - maps.velocity[0])
     if not static:
         velocity = _correct_notch_bias(velocity, padding * (maps.velocity[1] - maps.velocity[0]), window, chirps)
-    found = _directions(whole, cells, own.start or 0, radar, seen, velocity, ambiguities)
-    found, seen, peak = _refocus(array, radar, found, seen, peak, window, static, ambiguities)
+    found = _directions(whole, cells, own.start or 0, radar, apparent, velocity, ambiguities)
+    found, apparent, peak = _refocus(array, radar, found, apparent, peak, window, static, ambiguities)
     direction = unit_vectors(found.azimuth, found.elevation)
-    distance = _distance(seen - coupling(radar, found.velocity), direction, radar)
+    distance = _distance(apparent - coupling(radar, found.velocity), direction, radar)
     device = direction * distance[:, None]
     return PointCloud(
         range=distance,
@@ -185,13 +187,12 @@ def point_cloud(
 
 
 def _correct_notch_bias(velocity: FloatArray, cell: float, window: Window, chirps: int) -> FloatArray:
-    """Velocities of targets whose peaks are at `velocity` [m/s], with the mean over the chirps taken out.
+    """Velocities of targets with peaks at `velocity` [m/s] after subtraction of the mean over the chirps.
 
-    That mean holds a part of a slow target, too, and its spectrum at rest is taken from the near flank of the target's
-    peak, which moves away from rest: by 0.1 of a `cell` where the target is 1.3 from rest, to 1 where it comes to rest.
+    The mean includes a part of a slow target, which moves its peak away from rest by up to a `cell`.
     """
     count = np.arange(int(50 * min(4.0, chirps / 2)) + 1)
-    steps = count / 50  # cells from rest: beyond four the mean holds next to nothing
+    steps = count / 50  # cells from rest: beyond four the mean has no significant part
     waves = np.cos(2 * np.pi / chirps * steps[:, None] * (np.arange(chirps) - (chirps - 1) / 2))
     peak, mean = waves @ taper(window, chirps), waves @ taper("hann", chirps)
     left = np.abs(peak[np.abs(count - count[:, None])] - mean[:, None] * peak)
@@ -207,12 +208,12 @@ def _directions(
     cells: NDArray[np.signedinteger[Any]],
     first: int,
     radar: Radar,
-    seen: FloatArray,
+    apparent: FloatArray,
     velocity: FloatArray,
     ambiguities: int,
 ) -> Directions:
-    """Directions of the peaks and the fold of their speeds; `first` is where the maps' bins begin in the `whole`."""
-    distance = np.maximum(seen, 1e-3)
+    """Directions of the peaks and folds of their speeds; `first` is the maps' first velocity bin in the `whole`."""
+    distance = np.maximum(apparent, 1e-3)
     rows, columns = cells[:, 0], cells[:, 1] + first
     if not uses_doppler_bands(radar):
         channels = whole.spectrum[columns, :, :, rows]
@@ -226,12 +227,7 @@ def _directions(
         channels = whole.spectrum[np.clip(there, 0, bins - 1), :, :, rows]
         trial = find_directions(channels, radar, velocity + 2 * fold * radar.max_velocity, distance=distance)
         better = inside & (trial.power > best.power * (1 + 1e-6))
-        best = Directions(
-            *(
-                np.where(better, getattr(trial, name), getattr(best, name))
-                for name in ("azimuth", "elevation", "velocity", "power")
-            )
-        )
+        best = best.replaced(better, trial)
     return best
 
 
@@ -239,43 +235,43 @@ def _refocus(
     array: ComplexChannels,
     radar: Radar,
     found: Directions,
-    seen: FloatArray,
+    apparent: FloatArray,
     peak: FloatArray,
     window: Window,
     static: bool,
     ambiguities: int,
 ) -> tuple[Directions, FloatArray, FloatArray]:
-    """The same with those points looked at again whose speeds the maps' Doppler axis does not hold."""
+    """Points again, with peaks of their own for speeds at or beyond the ends of the maps' Doppler axis."""
     limit, cell = radar.max_velocity, radar.velocity_resolution
     fast = np.flatnonzero(np.abs(found.velocity) > limit - cell)
     if not len(fast):
-        return found, seen, peak
+        return found, apparent, peak
     samples = separate_bands(array, radar)
     samples = samples if static else remove_static(samples)
     chirps, count = samples.shape[0], samples.shape[-1]
     real = samples.real.dtype
     tapered = samples * (taper(window, chirps).astype(real)[:, None, None, None] * taper(window, count).astype(real))
-    seen, peak = seen.copy(), peak.copy()
-    parts = {name: getattr(found, name).copy() for name in ("azimuth", "elevation", "velocity", "power")}
-    told = ambiguities > 0 or empty_bands(radar) > 0
+    apparent, peak = apparent.copy(), peak.copy()
+    parts = {name: values.copy() for name, values in vars(found).items()}
+    known = ambiguities > 0 or empty_bands(radar) > 0
     for index in fast:
         speed = float(found.velocity[index])
-        fold = 0.0 if told else -np.sign(speed) * 2 * limit
-        away = abs(speed) if told else 2 * limit
+        fold = 0.0 if known else -np.sign(speed) * 2 * limit
+        away = abs(speed) if known else 2 * limit
         smear = 0.5 * away * radar.waveform.frame_length + 2 * radar.range_resolution
         velocities = np.array([speed, speed + fold] if fold else [speed])
-        point = focus_peak(tapered, radar, float(seen[index]), velocities, smear, 2 * count)
-        seen[index], peak[index] = point.range, point.power
+        point = focus_peak(tapered, radar, float(apparent[index]), velocities, smear, 2 * count)
+        apparent[index], peak[index] = point.range, point.power
         again = find_directions(point.channels[None], radar, [point.velocity], distance=np.maximum([point.range], 1e-3))
         for name, values in parts.items():
             values[index] = getattr(again, name)[0]
-    return Directions(**parts), seen, peak
+    return Directions(**parts), apparent, peak
 
 
 def _window(
     shape: tuple[int, ...], padding: int, guard: tuple[int, int] | None, train: tuple[int, int] | None
 ) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Guard and training cells that a map of this shape has room for, where they are not given."""
+    """Guard and training cells, by default as many as fit on a map of this shape."""
     pairs = []
     for axis, bins in enumerate(shape):
         room = max(0, (bins - 1) // (2 * padding))
@@ -285,12 +281,12 @@ def _window(
     return (up, side), (above, train_columns)
 
 
-def _distance(seen: FloatArray, direction: FloatArray, radar: Radar) -> FloatArray:
-    """Distance from the frame's origin where half the path, mean over the channels, is `seen` [m]."""
-    distance = np.maximum(seen, 1e-3)
+def _distance(apparent: FloatArray, direction: FloatArray, radar: Radar) -> FloatArray:
+    """Distance from the frame's origin for which half the path, mean over the channels, is `apparent` [m]."""
+    distance = np.maximum(apparent, 1e-3)
     for _ in range(4):
         point = (direction * distance[:, None])[:, None, :]
         out = np.linalg.norm(point - radar.tx_positions, axis=-1).mean(axis=1)
         back = np.linalg.norm(point - radar.rx_positions, axis=-1).mean(axis=1)
-        distance = np.maximum(distance + seen - (out + back) / 2, 1e-3)
+        distance = np.maximum(distance + apparent - (out + back) / 2, 1e-3)
     return distance

@@ -1,11 +1,9 @@
-"""Pictures against time: range-time and Doppler-time (micro-Doppler).
+"""Power against time: range-time and Doppler-time (micro-Doppler).
 
-The chirps of a run are not evenly spaced: a frame is a burst of loops, then the radar pauses until the next frame.
-Two Doppler-time spectrograms follow from that:
+A frame is a burst of evenly spaced loops; a pause may follow. Hence two Doppler-time spectrograms:
 
-- :func:`doppler_time`: one Doppler spectrum a frame, all its loops. Finest in velocity, one column a frame.
-- :func:`micro_doppler`: short-time Fourier transform inside each stretch of evenly spaced loops. Windows never
-  reach over a pause; frames that follow each other without a pause are one stretch.
+- :func:`doppler_time`: one Doppler spectrum a frame, from all its loops, the finest in velocity.
+- :func:`micro_doppler`: short-time Fourier transform with windows that include no pause.
 """
 
 from __future__ import annotations
@@ -61,7 +59,7 @@ class DopplerTime:
 
 
 def frame_starts(frames: int, radar: Radar, frame_times: ArrayLike | None = None) -> FloatArray:
-    """(frame,) start of the first ramp of each frame [s]: `frame_times` checked, or multiples of the frame period."""
+    """(frame,) start of the first ramp of each frame [s]: checked `frame_times`, or multiples of the frame period."""
     if frame_times is None:
         return np.arange(frames, dtype=np.float64) * radar.waveform.frame_period
     times = np.asarray(frame_times, np.float64)
@@ -83,15 +81,16 @@ def range_time(
 ) -> RangeTime:
     """Power against range for every frame of a cube (frame, chirp, tx, rx, sample).
 
-    Without `static` (the default) the mean over the chirps of each frame is taken out first.
+    `static` keeps static returns; otherwise the mean over the chirps of each frame is subtracted. `frame_times` [s] are
+    by default multiples of the frame period.
     """
     array = check_cube(cube, radar, frames=True)
     starts = frame_starts(len(array), radar, frame_times)
     rows = []
     for frame in array:
-        if uses_doppler_bands(radar):  # an element's echoes are those within its band
+        if uses_doppler_bands(radar):  # the band of an element has its echoes
             maps = range_doppler(frame, radar, range_window=window, static=static)
-            # Parseval: the bins of one windowed tone add up to its power times this.
+            # Parseval: power of the bins of a windowed tone over its own power.
             spread = len(frame) * np.sum(np.square(taper("hann", len(frame))))
             rows.append(maps.power.sum(axis=-1) / spread)
             continue
@@ -117,9 +116,9 @@ def doppler_time(
     cube
         (frame, chirp, tx, rx, sample).
     static
-        Whether what stands still within a frame is kept.
+        Whether static returns are kept.
     range_limits
-        Nearest and farthest range that count [m]; all by default.
+        Smallest and largest range [m]; None takes all.
     """
     array = check_cube(cube, radar, frames=True)
     starts = frame_starts(len(array), radar, frame_times)
@@ -150,18 +149,23 @@ def micro_doppler(
     bins: int | None = None,
     window: Window = "hann",
 ) -> DopplerTime:
-    """Short-time Fourier transform over the loops, within evenly spaced stretches only, summed over range.
+    """Short-time Fourier transform over evenly spaced loops, summed over range.
 
     Parameters
     ----------
     cube
         (frame, chirp, tx, rx, sample).
     segment, hop
-        Loops a window and loops between windows; by default half a frame and an eighth of a window.
+        Loops of a window and between windows; None takes half a frame and an eighth of a window.
     bins
-        FFT length, at least `segment`; by default twice the segment.
+        FFT length, at least `segment`; None takes twice the segment.
     static, range_limits
         As in :func:`doppler_time`.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and what is allowed.
     """
     array = check_cube(cube, radar, frames=True)
     starts = frame_starts(len(array), radar, frame_times)
@@ -175,7 +179,7 @@ def micro_doppler(
     if not 2 <= segment <= longest:
         raise ValueError(
             f"segment is {segment} loops; 2 … {longest} is allowed ({frames} frames of {loops} loops, "
-            f"{len(groups)} stretches without a pause)"
+            f"{len(groups)} intervals without a pause)"
         )
     if not 1 <= hop <= segment or bins < segment:
         raise ValueError(f"hop is {hop} and bins {bins}: 1 … {segment} and at least {segment} are needed")
@@ -190,13 +194,14 @@ def micro_doppler(
         profiles = [range_spectrum(f if static else remove_static(f), radar)[..., keep] for f in array[group]]
         profile = np.concatenate(profiles, axis=0)
         slow = profile.reshape(len(profile), -1).T
-        # Only windows that lie inside the stretch.
+        # Only complete windows.
         first, last = transform.lower_border_end[1], transform.upper_border_begin(len(profile))[1]
         spectrum = transform.stft(slow, p0=first, p1=last)
         power = np.square(spectrum.real, dtype=np.float64) + np.square(spectrum.imag)
         columns.append(power.sum(axis=0).T[:, kept] / (array.shape[2] * array.shape[3]))
         times.append(starts[group[0]] + offset + transform.t(len(profile), p0=first, p1=last))
-    # ShortTimeFFT counts a window by its sample segment // 2; its centre lies half a loop earlier where even.
+    # The time of a window in ShortTimeFFT is that of its sample segment // 2; an even one has its centre half a loop
+    # earlier.
     shift = 0.0 if segment % 2 else -0.5 * wave.loop_period
     return DopplerTime(
         power=np.concatenate(columns),
@@ -207,7 +212,7 @@ def micro_doppler(
 
 
 def _contiguous_frames(starts: FloatArray, length: float, slack: float) -> list[list[int]]:
-    """Frames that follow each other without a pause, grouped."""
+    """Groups of frames without a pause between them."""
     groups = [[0]]
     for index in range(1, len(starts)):
         if abs(starts[index] - starts[index - 1] - length) <= slack:

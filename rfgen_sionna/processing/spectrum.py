@@ -1,20 +1,18 @@
 """Range and Doppler spectra of FMCW frames, on axes in metres and metres per second.
 
-Cubes have the axes (..., chirp, tx, rx, sample); any number of leading axes (usually frame) is kept. Measured data
-works as well as simulated data: only the number of Tx entries and Rx elements has to fit the radar, `chirp` and
-`sample` are taken as they come. Chirps are of one kind; frames of several profiles go in one by one
-(:func:`~rfgen_sionna.processing.demultiplex.select_profile`). Tx elements that share a slot in Doppler bands come apart
-in the Doppler spectra, those in codes when directions are looked for. The signal model is
+Cubes have the axes (..., chirp, tx, rx, sample), simulated or measured, with any leading axes. The numbers of Tx
+entries and Rx elements must fit the radar, not those of chirps and samples. Chirps have one profile
+(:func:`~rfgen_sionna.processing.demultiplex.select_profile`). Tx elements in Doppler bands are separated in the Doppler
+spectra, those in codes with the directions. The signal model is
 
-    s(t) = A exp(+j 2 pi (f0 tau + mu t tau - mu tau^2 / 2)),   t counted from the start of the ramp,
+    s(t) = A exp(+j 2 pi (f0 tau + mu t tau - mu tau^2 / 2)),   t from the start of the ramp,
 
-so a beat frequency f means the range c f / (2 mu) and a positive Doppler bin a receding target. The ADC's start
-time changes the phase of a bin and the frequency it is observed at, not its range. A ramp downwards has its targets
-at negative frequencies; without a slope there is one range bin, which holds everything.
+so that a beat frequency f is the range c f / (2 mu), and a positive Doppler bin is a receding target. A downward ramp
+has its targets at negative frequencies; without a slope there is one range bin.
 
-What range means: the range at the centre of the observation, see :func:`observation_time`. A target of radial
-velocity v beats at mu tau + 2 v fc / c, so its range bin lies at R + fc v / mu (range-Doppler coupling: 1.3 mm
-for 1 m/s at 77 GHz and 60 MHz/us); :func:`range_doppler` removes that for every Doppler bin if asked.
+Ranges are those at the centre of the observation (:func:`observation_time`). The beat frequency of a target of radial
+velocity v is mu tau + 2 v fc / c, which moves its range bin to R + fc v / mu (range-Doppler coupling);
+`correct_coupling` of :func:`range_doppler` removes it.
 """
 
 from __future__ import annotations
@@ -34,21 +32,21 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
 Window = str | tuple[str, float]
-"""A name (or name and parameter) that :func:`scipy.signal.get_window` knows, for instance "hann"."""
+"""Name (or name and parameter) of :func:`scipy.signal.get_window`, for instance "hann"."""
 
 
 def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> NDArray[np.complexfloating[Any, Any]]:
-    """The cube as a complex array, once its shape fits the radar.
+    """Cube as a complex array, with a shape that fits the radar.
 
     Parameters
     ----------
     cube
-        (..., chirp, tx, rx, sample); exactly (frame, chirp, tx, rx, sample) where `frames` is set.
+        (..., chirp, tx, rx, sample); with `frames` exactly (frame, chirp, tx, rx, sample).
 
     Raises
     ------
     ValueError
-        Naming the axis, its length and the length that is needed; or where the samples are not finite.
+        For a wrong shape, naming axis and length, or for samples that are not complex or not finite.
     """
     array = np.asarray(cube)
     axes = "(frame, chirp, tx, rx, sample)" if frames else "(..., chirp, tx, rx, sample)"
@@ -63,17 +61,15 @@ def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> NDArra
             )
     if 0 in array.shape:
         raise ValueError(f"cube is empty: shape {array.shape}, axes {axes}")
-    if array.dtype.kind not in "fciu":
-        raise ValueError(f"cube holds {array.dtype}: complex samples are needed")
     if array.dtype.kind != "c":
-        raise ValueError(f"cube holds real {array.dtype}: complex (I + jQ) samples are needed")
+        raise ValueError(f"cube holds {array.dtype}: complex (I + jQ) samples are needed")
     if not np.all(np.isfinite(array)):
         raise ValueError(f"cube holds {np.count_nonzero(~np.isfinite(array))} samples that are NaN or infinite")
     return array
 
 
 def range_axis(radar: Radar, bins: int | None = None) -> FloatArray:
-    """(range,) centres of the range bins [m], from 0 to just under the range window; one at 0 without a slope."""
+    """(range,) centres of the range bins [m], from 0 to below the range window; one bin at 0 without a slope."""
     if radar.waveform.slope == 0:
         return np.zeros(1)
     bins = radar.waveform.num_samples if bins is None else bins
@@ -83,7 +79,7 @@ def range_axis(radar: Radar, bins: int | None = None) -> FloatArray:
 def range_transform(
     array: NDArray[np.complexfloating[Any, Any]], radar: Radar, bins: int
 ) -> NDArray[np.complexfloating[Any, Any]]:
-    """Tapered samples (..., sample) to bins of ascending range: backwards in frequency for a ramp downwards."""
+    """Tapered samples (..., sample) to bins of ascending range, with reversed frequency for a downward ramp."""
     if radar.waveform.slope == 0:
         return np.asarray(array.sum(axis=-1, keepdims=True))
     if radar.waveform.slope < 0:
@@ -94,7 +90,7 @@ def range_transform(
 def velocity_axis(radar: Radar, bins: int | None = None) -> FloatArray:
     """(velocity,) centres of the Doppler bins [m/s], ascending; positive is receding.
 
-    `bins` is the length of the transform; of frames in Doppler bands one band is left.
+    `bins` is the length of the transform; frames in Doppler bands have the axis of one band.
     """
     bins = radar.waveform.num_loops if bins is None else bins
     return _doppler_axis(radar, bins)[occupied_bins(radar, bins)]
@@ -105,34 +101,28 @@ def _doppler_axis(radar: Radar, bins: int) -> FloatArray:
 
 
 def observation_time(radar: Radar) -> float:
-    """Instant after the start of a frame that range and position estimates of the frame refer to [s].
-
-    The centre of all ADC windows of the frame: the windows are symmetric, so a target that moves evenly is seen
-    where it is then.
-    """
+    """Time of the range and position estimates of a frame, the centre of its ADC windows, after its start [s]."""
     wave = radar.waveform
     return float(wave.chirp_times.mean() + wave.sample_times.mean())
 
 
 def taper(window: Window, length: int) -> FloatArray:
-    """(length,) symmetric window whose sum is 1, so that a tone's bin shows the tone's amplitude."""
-    # The periodic window of odd length + 1 without its first zero is the symmetric one that wastes no sample.
+    """(length,) symmetric window of sum 1, so that the bin of a tone has its amplitude."""
+    # The periodic window of length + 1 without its first zero is symmetric without zeros.
     values = np.asarray(get_window(window, length + 1, fftbins=True)[1:], dtype=np.float64)
     return values / values.sum()
 
 
 def remove_static(cube: ArrayLike, *, over: str = "frame") -> NDArray[np.complexfloating[Any, Any]]:
-    """Subtract what does not change from chirp to chirp: the mean over time, Hann-weighted within each frame.
-
-    The weights keep what moves out of the mean: a plain mean would leave its leakage behind as a ghost at rest.
+    """Subtract static returns: the mean over the chirps of each frame, Hann-weighted against leakage of moving ones.
 
     Parameters
     ----------
     cube
         (frame, chirp, tx, rx, sample), or (chirp, tx, rx, sample) with `over="frame"`.
     over
-        "frame": the mean over the chirps of each frame, a notch at zero Doppler.
-        "run": the mean of that over all frames; keeps people who stand still for a part of the run.
+        "frame": the mean of each frame, a notch at zero Doppler. "run": the mean over all frames, which keeps people
+        who are static for a part of the run.
     """
     array = np.asarray(cube)
     if array.ndim >= 4 and (over == "frame" or (over == "run" and array.ndim == 5)):
@@ -150,8 +140,7 @@ def range_spectrum(
 ) -> NDArray[np.complexfloating[Any, Any]]:
     """Range profiles (..., chirp, tx, rx, range) on the axis :func:`range_axis`.
 
-    A tone of amplitude A shows |A| at its bin, whatever the window. `bins` beyond the number of samples pads with
-    zeros (a finer axis, the same resolution).
+    A tone of amplitude A has |A| at its bin for any window. More `bins` than samples pad with zeros.
     """
     array = check_cube(cube, radar)
     bins = _bins("bins", bins, array.shape[-1])
@@ -164,8 +153,8 @@ class RangeDoppler:
     """Range-Doppler spectra of every channel."""
 
     spectrum: NDArray[np.complexfloating[Any, Any]]
-    """(..., velocity, tx, rx, range) complex amplitude of a tone, in the unit of the samples; "tx" as in the cube, but
-    Tx elements where those share a slot in Doppler bands."""
+    """(..., velocity, tx, rx, range) complex amplitude of a tone, in the unit of the samples; "tx" as in the cube, or
+    Tx elements for Doppler bands."""
     range: FloatArray
     """(range,) [m]"""
     velocity: FloatArray
@@ -173,7 +162,7 @@ class RangeDoppler:
 
     @property
     def power(self) -> FloatArray:
-        """(..., range, velocity) power, mean over the channels: watts where the samples are square roots of watts."""
+        """(..., range, velocity) power, mean over the channels [W for samples in sqrt(W)]."""
         spectrum = self.spectrum
         power = np.square(spectrum.real, dtype=np.float64)
         power += np.square(spectrum.imag, dtype=np.float64)
@@ -195,8 +184,6 @@ def range_doppler(
 ) -> RangeDoppler:
     """Windowed FFT over sample and chirp, for every frame, Tx and Rx element.
 
-    Of Tx elements in Doppler bands each gets the velocities of its own band.
-
     Parameters
     ----------
     cube
@@ -206,17 +193,16 @@ def range_doppler(
     range_bins, velocity_bins
         FFT lengths, at least the number of samples and of chirps (the default).
     correct_coupling
-        Shift each Doppler bin back by its own range-Doppler coupling. Right for velocities within the radar's
-        unambiguous interval.
+        Whether the range-Doppler coupling of each Doppler bin is removed, for velocities within the radar's unambiguous
+        interval.
     correct_migration
-        Keystone transform: Doppler of each sample at the frequency the ramp has there, so that a target that
-        crosses range cells during the frame (4.4 m/s and 27.6 ms are 12 cm) keeps its level and its width.
-        Right for the same velocities; takes about four times as long.
+        Whether the Doppler frequency of each sample is that of the ramp's frequency there (keystone transform), so that
+        targets that cross range cells keep their level and width, for the same velocities.
     static
-        Whether what does not move is kept; see :func:`remove_static`.
+        Whether static returns are kept; see :func:`remove_static`.
     all_bands
-        Of Tx elements in Doppler bands keep the whole Doppler axis: outside of its own band, around rest, an element's
-        spectrum holds the others' echoes, and those of targets that are too fast for the band.
+        Whether Tx elements in Doppler bands keep the whole Doppler axis, which outside of the own band has the echoes
+        of other elements and of faster targets.
     """
     array = separate_bands(check_cube(cube, radar), radar)
     if not static:
@@ -240,9 +226,7 @@ def range_doppler(
         turn = np.exp(-2j * np.pi * frequency[:, None] * np.arange(samples) / radar.waveform.sample_rate)
         doppler *= turn.astype(doppler.dtype)[:, None, None, :]
     return RangeDoppler(
-        spectrum=range_transform(doppler, radar, range_bins),
-        range=range_axis(radar, range_bins),
-        velocity=velocity,
+        spectrum=range_transform(doppler, radar, range_bins), range=range_axis(radar, range_bins), velocity=velocity
     )
 
 
@@ -263,20 +247,20 @@ def _keystone(
         transform = CZT(
             chirps, bins, w=np.exp(-2j * np.pi * scale[sample] / bins), a=np.exp(2j * np.pi * scale[sample] * cycles[0])
         )
-        # The frame's middle stays where it is in range, not its first chirp.
+        # The middle of the frame keeps its range.
         turn = np.exp(2j * np.pi * (scale[sample] - 1) * cycles * (chirps - 1) / 2)
         result[..., sample] = transform(array[..., sample], axis=-3) * turn[:, None, None]
     return result
 
 
 def coupling(radar: Radar, velocity: ArrayLike) -> FloatArray:
-    """Distance [m] by which a target of radial velocity [m/s] appears too far in the range spectrum."""
+    """Offset [m] of a target of radial `velocity` [m/s] in the range spectrum, by range-Doppler coupling."""
     slope = radar.waveform.slope
     return np.asarray(velocity, dtype=np.float64) * (radar.center_frequency / slope if slope else 0.0)
 
 
 def decibel(power: ArrayLike, *, floor: float = -400.0) -> FloatArray:
-    """10 log10 of a power, `floor` [dB] where it is lower or zero."""
+    """10 log10 of a power, at least `floor` [dB]."""
     return np.asarray(10 * np.log10(np.maximum(np.asarray(power, dtype=np.float64), 10 ** (floor / 10))))
 
 

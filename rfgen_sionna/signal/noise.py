@@ -1,22 +1,49 @@
-"""Thermal noise of the receiver."""
+"""Random streams of a radar, one for each impairment, and the thermal noise of its receiver.
+
+A stream depends on the seed, on the name of the impairment and on the name and pose of the radar at t = 0, to the
+micrometre and microradian: radars of one scene draw independently, and no impairment changes the draws of another.
+"""
 
 from __future__ import annotations
+
+import hashlib
+import zlib
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.signal.random_streams import frame_stream
 
 BOLTZMANN = 1.380649e-23
 """[J/K] (exact, SI)."""
 
 
-def noise_power(radar: Radar) -> float:
-    """Noise power in one complex sample [W]: k T F B, with the complex sample rate as bandwidth B.
+def _key(name: str, radar: Radar) -> tuple[int, ...]:
+    place = np.rint(np.array([*radar.position, *radar.orientation]) * 1e6).astype("<i8")
+    digest = hashlib.blake2b(radar.name.encode() + b"\0" + place.tobytes(), digest_size=8).digest()
+    return (zlib.crc32(name.encode()), *np.frombuffer(digest, "<u4").tolist())
 
-    Where profiles sample at different rates it is that of the fastest one.
-    """
+
+def device_stream(seed: int, name: str, radar: Radar) -> np.random.Generator:
+    """Random generator of an impairment `name` that is constant over all frames."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=_key(name, radar)))
+
+
+def frame_stream(seed: int, name: str, frame: int, radar: Radar) -> np.random.Generator:
+    """Random generator of an impairment `name` in one frame."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(*_key(name, radar), frame)))
+
+
+def check_whole(name: str, value: Any) -> int:
+    """`value`, checked to be a whole number of at least 0."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
+        raise ValueError(f"{name} is {value!r}: a whole number of at least 0 is needed")
+    return int(value)
+
+
+def noise_power(radar: Radar) -> float:
+    """Noise power in one complex sample [W]: k T F B, with the largest complex sample rate as bandwidth B."""
     return _density(radar) * max(profile.sample_rate for profile in radar.waveform.profiles)
 
 
@@ -26,12 +53,10 @@ def _density(radar: Radar) -> float:
 
 
 def add_thermal_noise(samples: NDArray[np.complex128], radar: Radar, seed: int, frame: int) -> None:
-    """Add circular white Gaussian noise in place to the samples of one frame, in square roots of watts.
+    """Add circular white Gaussian noise in place to the `samples` of one frame [sqrt(W)].
 
-    Any shape; (..., tx, rx, sample) where profiles sample at different rates.
-
-    The same `seed`, `frame` and radar (its name and pose) give the same noise whatever else was simulated; another
-    radar of the scene gets other noise.
+    `samples` has any shape, but (..., tx, rx, sample) where profiles sample at different rates. The noise depends on
+    `seed`, `frame`, and the name and pose of the radar alone.
     """
     rng = frame_stream(seed, "thermal_noise", frame, radar)
     wave = radar.waveform

@@ -1,11 +1,10 @@
 """Sums of paths over chirps as nonuniform Fourier transforms, in one kernel for the CPU and for CUDA devices.
 
-Every lane of the kernel is a chirp or two of one element pair. It goes through the paths, evaluates each one's phase
-and beat frequency at the chirp's own time from B-splines, and spreads it with the taps of
-:mod:`rfgen_sionna.signal.nufft_kernel` on a grid of its own; a transform of the grids follows. What changes over the
-ADC
-window, the small quadratic phase and the gain, goes into the taps: it takes no further transform. Where the tolerance
-allows for it all of that is done in single precision.
+A lane of the kernel is a chirp or a few of one element pair. For each path it evaluates phase and beat frequency at the
+time of the chirp from B-splines, and spreads them with the interpolation kernel of
+:mod:`rfgen_sionna.signal.nufft_kernel` on its own grid; a transform of the grids follows. The kernel includes the
+quadratic phase and the change of the gain over the ADC window, without further transforms. Single precision is used
+where the tolerance allows it.
 """
 
 from __future__ import annotations
@@ -25,44 +24,38 @@ from rfgen_sionna.signal.nufft_kernel import InterpolationKernel, Term, deconvol
 PHASE, BEAT, QUADRATIC, GAINS = 0, 1, 2, 3
 """Fields of a table: cycles at the window's middle, cycles per sample, cycles of the quadratic phase, then real and
 imaginary part of the gain's coefficient of each order."""
-_SINGLE = 3e-7  # tolerance below which phases are turned in double precision
-_CUDA_LANES, _MOST_SHARES = 1 << 16, 32
-_TOGETHER = 4
-"""Chirps that a lane of the CPU does at once: it reads their coefficients, which are the same, just once."""
+_SINGLE = 3e-7  # tolerance below which sine and cosine are of double precision
+_CUDA_LANES, _MOST_SHARES = 1 << 16, 32  # lanes that fill a CUDA device; most lanes of one chirp, for memory
+_CHIRPS_PER_LANE = 4
+"""Chirps of a CPU lane with the same coefficients, which are read once."""
 
 
 @dataclass(frozen=True)
 class ChirpTable:
-    """Coefficients of all paths, and the weights that give them at the time of each chirp."""
+    """B-spline coefficients of all paths, and their weights at the time of each chirp."""
 
     table: NDArray[np.float64] | NDArray[np.float32]
-    """(row, path, field) coefficients; the fields are padded to a multiple of 4. In single precision all but the
-    weights is: see :func:`single_precision_suffices`."""
+    """(row, path, field) coefficients; the fields are padded to a multiple of 4. Single precision where
+    :func:`single_precision_suffices`."""
     rows: NDArray[np.intp]
-    """(lane,) first row of the table that counts."""
+    """(lane,) first row of the table for this lane."""
     weights: FloatArray
     """(lane, coefficient) of that row and the next ones: a field is their weighted sum."""
 
 
 def single_precision_suffices(phase: FloatArray, beat: FloatArray, count: int, eps: float) -> bool:
-    """Whether single precision costs no more than a tenth of `eps`, with coefficients of `phase` [cycles] and of `beat`
+    """Whether single precision errs by at most a tenth of `eps`, with coefficients of `phase` [cycles] and of `beat`
     [cycles per sample] for `count` samples.
 
-    Both are rounded to 2^-24 of their size, the place on the grid to as much of a turn; and the outermost sample turns
-    `count` / 2 times as far as the beat. Rounding is even up to that, which makes a root mean square of 0.3 of the sum.
+    Both are rounded to 2^-24 of their size, and so is the position on the grid; the beat counts `count` / 2 times at
+    the outermost sample. The root mean square of uniform rounding is 0.3 of the sum.
     """
     turns = float(np.abs(phase).max(initial=0.0)) + 0.5 * count * max(1.0, float(np.abs(beat).max(initial=0.0)))
     return 0.3 * 2 * np.pi * 2.0**-24 * turns <= 0.1 * eps
 
 
 def nonuniform_fft(
-    lanes: ChirpTable,
-    count: int,
-    terms: Sequence[Term],
-    width: int,
-    eps: float,
-    device: str,
-    shares: int | None = None,
+    lanes: ChirpTable, count: int, terms: Sequence[Term], width: int, eps: float, device: str, shares: int | None = None
 ) -> ComplexArray:
     """(lane, count) samples of all lanes, modes -count // 2 … at u = mode / (count / 2).
 
@@ -70,8 +63,8 @@ def nonuniform_fft(
 
         exp(j 2 pi phase) exp(j 2 pi beat mode) sum_m gain_m u^m sum_n (j 2 pi quadratic T_2(u))^n / n!
 
-    for the (m, n) of `terms`. `device` is "cpu" or "cuda". `shares` lanes of the kernel share a chirp, each with a grid
-    of its own, so that the order of the sums is always the same; None takes what suits the device.
+    for the (m, n) of `terms`. `device` is "cpu" or "cuda". `shares` lanes of the kernel share a chirp, each with its
+    own grid, so that the order of the sums is always the same; None takes 1 on the CPU, and fills a CUDA device.
     """
     if shares is None:
         shares = (
@@ -79,13 +72,13 @@ def nonuniform_fft(
         )
     grid = _grids(lanes, count, terms, width, eps, device, shares)
     size, cells = 2 * count, grid.shape[1]
-    # Cells beyond either end are those at the other one; a grid of few cells they go round several times.
+    # Periodic grid: the margins wrap around, several times in a small grid.
     lead = _lead(width)
     whole = grid[:, lead : lead + size]
     for cell in (*range(lead), *range(lead + size, cells)):
         whole[:, (cell - lead) % size] += grid[:, cell]
     modes = np.arange(count) - count // 2
-    # The inverse transform has the kernel's sign; its factor 1 / size is taken back.
+    # The inverse transform has the kernel's sign; norm "forward" leaves out its factor 1 / size.
     spectrum = fft.ifft(whole, axis=-1, norm="forward", overwrite_x=True)
     return np.asarray(spectrum[:, modes % size] * deconvolution(width, count), dtype=np.complex128)
 
@@ -109,7 +102,7 @@ def _grids(
     size, cells = 2 * count, 2 * count + 2 * _lead(width) + 1
     number = len(lanes.rows)
     table = real(lanes.table.ravel())
-    members = _together(lanes.rows, _TOGETHER if device == "cpu" else 1)
+    members = _groups(lanes.rows, _CHIRPS_PER_LANE if device == "cpu" else 1)
     group = dr.arange(index, len(members) * shares) // index(dr.opaque(index, shares))
     share = dr.arange(index, len(members) * shares) - group * dr.opaque(index, shares)
 
@@ -118,7 +111,7 @@ def _grids(
         return dr.gather(kind, kind(np.ascontiguousarray(values, np.uint32 if kind is index else None)), group)
 
     row = of_group(lanes.rows[members[:, 0]])
-    # The grid after the last is for the lanes of groups that are not full.
+    # One more grid, for the empty lanes of groups.
     of_lane = np.concatenate([lanes.weights, np.zeros((1, lanes.weights.shape[1]))]).astype(lanes.table.dtype)
     lines = [of_group(column) for column in members.T]
     weights = [[of_group(column) for column in of_lane[own].T] for own in members.T]
@@ -172,8 +165,8 @@ def _grids(
     return sums.reshape(number + 1, cells)[:-1]
 
 
-def _together(rows: NDArray[np.intp], most: int) -> NDArray[np.int64]:
-    """(group, most) lanes that follow one another and have the same row; len(rows) where a group has fewer."""
+def _groups(rows: NDArray[np.intp], most: int) -> NDArray[np.int64]:
+    """(group, most) consecutive lanes of the same row, padded with len(rows)."""
     lane = np.arange(len(rows))
     start = np.flatnonzero(np.diff(rows, prepend=-1))
     within = lane - np.repeat(start, np.diff(start, append=len(rows)))
@@ -193,7 +186,7 @@ def _mean(values: Sequence[Any], weights: Sequence[Any], dr: Any) -> Any:
 def _expanded(
     powers: Sequence[tuple[int, InterpolationKernel]], tap: int, v: Any, angle: Any, dr: Any
 ) -> tuple[Any, Any]:
-    """Real and imaginary part of sum_n (j angle)^n / n! times the tap's polynomials; None where there is none."""
+    """Real and imaginary part of sum_n (j angle)^n / n! times the tap's polynomials; None for an absent part."""
     parts: list[Any] = [None, None]
     factor: Any = 1.0
     for n, found in powers:

@@ -1,8 +1,7 @@
 """Phase, beat frequency and gain of a path's samples, as smooth curves over the frame.
 
-Around the middle t_m of the ADC window, u = (t - t_m) / half, the delay is tau + rate t + curve t^2 / 2, which makes
-the phase a constant, a term in u (the beat frequency) and a small one in u^2. All three are as smooth in time as the
-delay.
+Around the middle t_m of the ADC window, u = (t - t_m) / half, the delay is tau + rate t + curve t^2 / 2. The phase is
+then a constant, a term in u (the beat frequency) and a small one in u^2, all as smooth in time as the delay.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from rfgen_sionna.records import RadarPaths, knot_weights
 
 @dataclass(frozen=True)
 class AdcWindow:
-    """The ADC window: its samples count from -1 to 1 in u about the transform's mode 0."""
+    """ADC window, with its samples from -1 to 1 in u about the transform's mode 0."""
 
     count: int
     step: float
@@ -43,7 +42,7 @@ class AdcWindow:
 
 
 def element_gains(radar: Radar, paths: RadarPaths) -> FloatArray:
-    """(path, time) product of the field gains of the Tx and the Rx element and the root of the power [sqrt(W)]."""
+    """(path, time) field gain of the Tx element times that of the Rx element times the root of the power [sqrt(W)]."""
     to_device = radar.rotation  # row vectors: world @ R = device
     root = math.sqrt(1e-3 * 10.0 ** (radar.tx_power_dbm / 10.0))
     departing = radar.pattern.amplitude(paths.direction @ to_device)
@@ -53,15 +52,10 @@ def element_gains(radar: Radar, paths: RadarPaths) -> FloatArray:
 
 
 def conjugate_gains(
-    radar: Radar,
-    paths: RadarPaths,
-    amplitude: FloatArray | NDArray[np.float32],
-    window: AdcWindow,
-    tx: int,
-    rx: int,
+    radar: Radar, paths: RadarPaths, amplitude: FloatArray | NDArray[np.float32], window: AdcWindow, tx: int, rx: int
 ) -> NDArray[np.complexfloating[Any]]:
-    """(order, path, time) conjugate gains, element patterns and power included, as coefficients of u^order; in the
-    precision of `amplitude`, which is that of :func:`element_gains`."""
+    """(order, path, time) coefficients of u^order of the conjugate gains times `amplitude` (:func:`element_gains`), in
+    its precision."""
     number = np.result_type(amplitude.dtype, np.complex64)
     found = paths.a[None, tx, rx]
     if paths.dispersion is not None:
@@ -70,8 +64,8 @@ def conjugate_gains(
     if paths.dispersion is None:
         return np.asarray(scaled)
     orders, waveform = len(scaled), radar.waveform
-    # What arrives at t was sent at t - tau, when the chirp was at f_c + mu (t - tau): powers of (f - frequency) /
-    # half_band, so much lower at each path's own delay, become such of the frequency that is sent.
+    # A signal that arrives at t was sent at t - tau, with the frequency f_c + mu (t - tau): powers of (f - frequency) /
+    # half_band become powers of the frequency sent at t, lower by mu tau.
     delay = paths.tau[tx, rx]
     if delay.shape[-1] != scaled.shape[-1]:
         delay = delay.mean(axis=-1, keepdims=True)
@@ -79,13 +73,13 @@ def conjugate_gains(
     for least in range(orders - 1):
         for order in range(orders - 2, least - 1, -1):
             scaled[order] += lower * scaled[order + 1]
-    # And those powers of u.
+    # Those become powers of u.
     shift = (waveform.start_frequency + waveform.slope * window.middle - paths.frequency) / paths.half_band
     scale = waveform.slope * window.half / paths.half_band
     powers = np.array(
         [[math.comb(m, n) * shift ** max(m - n, 0) * scale**n for m in range(orders)] for n in range(orders)]
     )
-    # Real times complex as two real products side by side.
+    # Real matrix times complex vectors, as one real product.
     flat = np.ascontiguousarray(scaled).reshape(orders, -1).view(amplitude.dtype)
     joined = powers.astype(amplitude.dtype) @ flat
     return np.asarray(joined.view(number).reshape(scaled.shape))
@@ -108,11 +102,10 @@ def phase_terms(
 def gain_coefficients(
     gains: NDArray[np.complexfloating[Any]], derivative: FloatArray, window: AdcWindow
 ) -> NDArray[np.complexfloating[Any]]:
-    """(order + 1, path, knot) coefficients that go on changing during the ADC window, from (order, path, knot).
+    """(order + 1, path, knot) coefficients of gains that change during the ADC window, from (order, path, knot).
 
-    `derivative` (knot, knot) takes values at the knots to their rates there [1/s]. What is left out is the bend of a
-    gain over the window: a quarter to a half of (half window x rate)^2, 1e-6 of a gain that changes by 7 % a
-    millisecond.
+    `derivative` (knot, knot) takes values at the knots to their rates there [1/s]. The curvature of a gain over the
+    window is left out, an error of a quarter to a half of (half window x rate)^2.
     """
     change = gains.reshape(-1, gains.shape[-1]) @ (window.half * derivative.T).astype(gains.real.dtype)
     out = np.empty((len(gains) + 1, *gains.shape[1:]), dtype=gains.dtype)
@@ -123,21 +116,20 @@ def gain_coefficients(
 
 @dataclass(frozen=True)
 class PathSplines:
-    """Phases and gains over a frame as B-splines in time, cubic where there are knots enough."""
+    """Phases and gains over a frame as B-splines in time, cubic for at least four knots."""
 
     knots: FloatArray
-    """(knot,) [s] that values are given at."""
+    """(knot,) times of the values [s]."""
     derivatives: tuple[FloatArray, FloatArray, FloatArray] | None
-    """Matrices that take delays at the paths' knots to delays, rates and curvatures there; None where the rate is
-    constant."""
+    """Matrices from delays at the paths' knots to delays, rates and curvatures there; None for a constant rate."""
     matrix: FloatArray
-    """(coefficient, knot) takes values at the knots to as many coefficients."""
+    """(coefficient, knot) matrix from values at the knots to coefficients."""
     corners: FloatArray
-    """Knots of the B-splines, counted from the first of `knots` [s]."""
+    """Knots of the B-splines, from the first of `knots` [s]."""
 
     @classmethod
     def of(cls, paths: RadarPaths, first: float, last: float) -> PathSplines:
-        """For paths over `first` … `last` [s]: through three instants where their rate is constant."""
+        """Splines of paths over `first` … `last` [s]; paths of a constant rate get three knots."""
         from scipy.interpolate import make_interp_spline
 
         knots, derivatives = np.linspace(first, last + 1e-6, 3), None
@@ -145,12 +137,12 @@ class PathSplines:
             knots = paths.times
             value, slope, curve = (knot_weights(knots, knots, order) for order in range(3))
             derivatives = (value, slope, curve)
-        # Not-a-knot, as the paths' own splines are.
+        # Not-a-knot, as in `knot_weights`.
         spline = make_interp_spline(knots - knots[0], np.eye(len(knots)), k=min(3, len(knots) - 1))
         return cls(knots, derivatives, np.asarray(spline.c), np.asarray(spline.t))
 
     def place(self, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-        """(time,) first of the coefficients that count at each instant, and the weights (time, degree + 1) of these."""
+        """(time,) first non-zero coefficient at each time, and the weights (time, degree + 1) from there on."""
         from scipy.interpolate import BSpline
 
         degree = len(self.corners) - len(self.knots) - 1
@@ -179,7 +171,7 @@ def gains_change(
     pair: tuple[int, int],
     least: float,
 ) -> bool:
-    """Whether gains change within an ADC window by more than `least` of themselves; one (tx, rx) speaks for all."""
+    """Whether the gains of one (tx, rx) change within an ADC window by more than `least`, relative to themselves."""
     if splines.derivatives is None or max(paths.a.shape[-1], amplitude.shape[-1]) == 1:
         return False
     gains = conjugate_gains(radar, paths, amplitude, window, *pair)[:1]
@@ -188,6 +180,6 @@ def gains_change(
 
 
 def max_power(gains: NDArray[np.complexfloating[Any]]) -> NDArray[np.floating[Any]]:
-    """(path,) largest |gain|^2 of (path, time). NumPy takes maxima along a short last axis at a tenth of the speed."""
-    power = gains.real.astype(np.float64) ** 2 + gains.imag.astype(np.float64) ** 2  # of what is weak as well
-    return functools.reduce(np.maximum, power.T)
+    """(path,) largest |gain|^2 of (path, time)."""
+    power = gains.real.astype(np.float64) ** 2 + gains.imag.astype(np.float64) ** 2  # float32 would underflow
+    return functools.reduce(np.maximum, power.T)  # faster than a maximum along a short last axis

@@ -1,16 +1,15 @@
 """FMCW synthesis: paths to dechirped samples, one nonuniform FFT per chirp and element pair.
 
-Dechirping a path of delay tau(t) gives (FACTS of the trade: TI, Infineon and RF Genesis agree on the sign)
+The dechirped signal of a path of delay tau(t) is (sign of TI, Infineon and RF Genesis)
 
-    s(t) = conj(A) exp(j 2 pi [f_c tau + mu t tau - mu tau^2 / 2])
+    s(t) = conj(A) exp(j 2 pi [f_c tau + mu t tau - mu tau^2 / 2]),   t from the start of the ramp.
 
-with t counted from the start of the ramp. `A` is conjugated because the mixer multiplies the transmitted signal with
-the conjugate of the received one. The phase is a constant, a beat frequency and a small quadratic term
-(:mod:`rfgen_sionna.signal.path_phases`); a nonuniform FFT sums them (:mod:`rfgen_sionna.signal.nufft`). The slope mu
-may be negative, or 0: then only Doppler is left.
+`A` is conjugated because the mixer multiplies the transmitted signal with the conjugate of the received one. The phase
+is a constant, a beat frequency and a small quadratic term (:mod:`rfgen_sionna.signal.path_phases`); a nonuniform FFT
+sums them (:mod:`rfgen_sionna.signal.nufft`). The slope mu may be negative or 0, which leaves Doppler alone.
 
-Gains that change with time (visibility, the element pattern, a facet's own return) are those of each chirp's middle and
-change linearly over its ADC window, where that matters to the tolerance.
+Gains that change with time (visibility, element pattern, return of a facet) are linear over the ADC window of a chirp,
+or constant where the change is negligible.
 """
 
 from __future__ import annotations
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import RadarPaths, knot_weights
 from rfgen_sionna.scene.mitsuba_backend import ensure_llvm, has_cuda
 from rfgen_sionna.signal.nufft import (
@@ -48,15 +48,18 @@ from rfgen_sionna.signal.path_phases import (
     max_power,
     phase_terms,
 )
-from rfgen_sionna.signal.synthesis_checks import check_synthesis
 
 DEVICES = ("auto", "cpu", "cuda")
 _TABLE, _MOST_TABLE = 1_000_000, 4_000_000  # coefficients at a time: 8 MB of several channels, 32 MB of one
 _GRID, _MOST_GRID = 300_000, 600_000  # cells at a time, 2.4 MB; where they are a small share of the frame, 5 MB
-_SHARE = 12
+_SHARE = 12  # least number of parts of a frame for the larger grid
+
+MAX_TIME = 1e10
+"""Largest |start| of a frame [s]: beyond it float64 does not resolve the times of chirps."""
+_VALUES = ("a", "tau", "tau_rate", "times", "direction", "arrival", "dispersion")
 
 SPLINE_KNOTS = 4
-"""Knots from which on a spline is a cubic."""
+"""Least number of knots of a cubic spline."""
 
 
 def synthesize(
@@ -75,30 +78,29 @@ def synthesize(
     radar
         Waveform, element pattern, power.
     paths
-        The paths, with knots that cover the frame.
+        Paths whose knots cover the frame.
     start
         Start of the frame's first ramp [s], on the clock of `paths.times`.
     eps
         Relative accuracy of the transforms.
     tx_gains
-        (tx,) factors of what the samples hold of each Tx element; None is 1. They matter where several radiate at once,
-        so that their sum is all that the samples hold.
+        (tx,) complex gains of the Tx elements, for elements that radiate at once; None is 1.
     device
-        "cpu", "cuda" (the first CUDA device), or "auto": CUDA where there is one.
+        "cpu", "cuda" (the first CUDA device), or "auto", CUDA if available.
 
     Returns
     -------
-    (chirp, tx, rx, sample) in square roots of watts, of the shape `radar.frame_shape`.
+    (chirp, tx, rx, sample) [sqrt(W)], of the shape `radar.frame_shape`.
 
     Raises
     ------
     TypeError
         If `radar` is no Radar, or `paths` are no RadarPaths.
     ValueError
-        If the paths are for another number of elements or not finite, their knots don't cover the frame, there is no
-        such device, or another argument is out of range.
+        If the paths have another number of elements or are not finite, their knots do not cover the frame, the device
+        does not exist, or another argument is out of range.
     BackendError
-        If the CPU is to compute and Dr.Jit finds no LLVM; the message names the cure.
+        If the CPU computes and Dr.Jit finds no LLVM; the message names the cure.
     """
     check_synthesis(radar, paths, start, eps, tx_gains)
     waveform = radar.waveform
@@ -114,7 +116,7 @@ def synthesize(
                 f"{start:.6f} to {start + waveform.frame_length:.6f} s"
             )
         if len(paths.times) < SPLINE_KNOTS:
-            # Two or three knots are a polynomial in the delay; the phase is quadratic in it and takes a spline of more.
+            # The delay is a polynomial through two or three knots; the phase, quadratic in it, needs a spline of more.
             paths = paths.at(np.linspace(paths.times[0], paths.times[-1], 2 * SPLINE_KNOTS + 1))
     device = chosen_device(device)
     samples = np.zeros(radar.frame_shape, dtype=np.complex128)
@@ -123,8 +125,8 @@ def synthesize(
     for number in range(len(waveform.profiles)):
         part = radar.of_profile(number)
         tx, axis = list(waveform.profile_tx(number)), list(waveform.profile_axis(number))
-        own = paths if part is radar else _tx_paths(paths, tx)
-        # The mixer conjugates what is received.
+        own = paths if part is radar else _subset(paths, tx, slice(None))
+        # The mixer conjugates the received signal.
         weights = np.conj(part.waveform.axis_weights) * gains[tx]
         still = not np.any(own.tau_rate) and bool(np.all(own.tau == own.tau[..., :1]))
         with one_blas_thread():
@@ -137,6 +139,50 @@ def synthesize(
                 factor = weights[:, entry, tx_index, None]
                 samples[:, axis[entry], rx] += echo if np.all(factor == 1) else factor * echo
     return samples
+
+
+def check_synthesis(radar: Radar, paths: RadarPaths, start: float, eps: float, tx_gains: Any) -> None:
+    """Check arguments of :func:`synthesize`: types, ranges, finite values."""
+    if not isinstance(radar, Radar):
+        raise TypeError(f"radar is a {type(radar).__name__}: a Radar is needed (Radar.load('awr1843'))")
+    if not isinstance(paths, RadarPaths):
+        raise TypeError(f"paths is a {type(paths).__name__}: RadarPaths are needed, such as of Simulator.paths")
+    check_time("start", start)
+    if not (is_number(eps) and 1e-14 <= eps <= 0.1):
+        raise ValueError(f"eps is {eps!r}: a value in 1e-14 … 0.1 is needed")
+    if tx_gains is not None:
+        _check_tx_gains(tx_gains, len(radar.tx_positions))
+    for name in _VALUES:
+        if getattr(paths, name) is not None:
+            _check_finite(f"paths.{name}", np.asarray(getattr(paths, name)))
+
+
+def _check_tx_gains(tx_gains: Any, count: int) -> None:
+    gains = np.asarray(tx_gains)
+    if gains.shape != (count,):
+        raise ValueError(f"tx_gains has shape {gains.shape}: one factor for each of {count} Tx is needed")
+    if gains.dtype.kind not in "iufc" or not np.isfinite(gains).all():
+        raise ValueError(f"tx_gains is {tx_gains!r}: finite numbers are needed")
+
+
+def _check_finite(what: str, values: np.ndarray[Any, Any]) -> None:
+    if values.dtype.kind not in "iufc":
+        raise ValueError(f"{what} is of type {values.dtype}: numbers are needed")
+    # A finite sum has finite terms, in one pass.
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(values.sum()):
+            return
+    if len(bad := np.argwhere(~np.isfinite(values))):
+        where = tuple(bad[0].tolist())
+        found = f"{len(bad)} values that are NaN or infinite, the first is {values[where]} at {where}"
+        raise ValueError(f"{what} has {found}: finite ones are needed")
+
+
+def check_time(name: str, value: Any) -> float:
+    """`value` [s], checked to be a finite time of at most `MAX_TIME` either way."""
+    if not (is_number(value) and abs(value) <= MAX_TIME):
+        raise ValueError(f"{name} is {value!r}: a finite time of -{MAX_TIME:g} … {MAX_TIME:g} s is needed")
+    return float(value)
 
 
 def chosen_device(device: str) -> str:
@@ -155,9 +201,11 @@ def chosen_device(device: str) -> str:
     return "cuda" if cuda else "cpu"
 
 
-def _tx_paths(paths: RadarPaths, tx: list[int]) -> RadarPaths:
-    dispersion = None if paths.dispersion is None else paths.dispersion[:, tx]
-    return replace(paths, a=paths.a[tx], tau=paths.tau[tx], tau_rate=paths.tau_rate[tx], dispersion=dispersion)
+def _subset(paths: RadarPaths, tx: list[int] | slice, part: slice) -> RadarPaths:
+    """Channels of some Tx elements and paths; slices make no copies. Directions and labels stay."""
+    dispersion = None if paths.dispersion is None else paths.dispersion[:, tx][:, :, :, part]
+    values: dict[str, Any] = {name: getattr(paths, name)[tx][:, :, part] for name in ("a", "tau", "tau_rate")}
+    return replace(paths, **values, dispersion=dispersion)
 
 
 Channel = tuple[int, int, int]
@@ -173,7 +221,7 @@ def _channels(radar: Radar, weights: ComplexArray) -> list[Channel]:
 def _synthesize_static(
     radar: Radar, paths: RadarPaths, start: float, weights: ComplexArray, eps: float
 ) -> Iterator[tuple[Channel, ComplexArray]]:
-    """(chirp, sample) of each channel where delays stay: one transform per knot, blended from chirp to chirp."""
+    """(chirp, sample) of each channel for constant delays: one transform per knot, interpolated at each chirp."""
     import finufft
 
     window = AdcWindow.of(radar)
@@ -190,7 +238,7 @@ def _synthesize_static(
         turn = np.exp(2j * np.pi * (cycles - np.rint(cycles))).astype(number)
         strengths = np.ascontiguousarray(gains.transpose(0, 2, 1) * turn, dtype=number).reshape(-1, len(delay))
         points = (2 * np.pi * (beat - np.rint(beat))).astype(strengths.real.dtype)
-        # What is at one place, as everything is without a slope, has one and the same error.
+        # Paths at one point, as all are without a slope, have the same error: a margin of 5.
         sharp = {"eps": max(0.2 * eps, 1e-14), "isign": 1, "nthreads": 1}
         modes = finufft.nufft1d1(points, strengths if len(strengths) > 1 else strengths[0], window.count, **sharp)
         modes = modes.reshape(orders, knots, window.count)
@@ -224,13 +272,13 @@ def _synthesize_moving(
     cells = 4 * len(times) * window.count
     room = max(_GRID, min(_MOST_GRID, cells * len(channels) // _SHARE))
     step = max(1, min(_TABLE // numbers, room // cells))
-    # Where one channel's coefficients are too many, its paths come a part at a time.
+    # Paths of a channel are split where its table is too large.
     bounds = np.linspace(0, paths.num_paths, max(1, -(-numbers // _MOST_TABLE)) + 1).astype(int)
     for first in range(0, len(channels), step):
         group = channels[first : first + step]
         total: ComplexArray = np.zeros(0, dtype=np.complex128)
         for low, high in itertools.pairwise(bounds):
-            chosen = paths if len(bounds) == 2 else _select_paths(paths, slice(low, high))
+            chosen = paths if len(bounds) == 2 else _subset(paths, slice(None), slice(low, high))
             echo = _spread_channels(
                 radar, chosen, amplitude[low:high], splines, times, group, window, changing, single, eps, device
             )
@@ -241,21 +289,10 @@ def _synthesize_moving(
 def _max_coefficients(
     radar: Radar, paths: RadarPaths, splines: PathSplines, window: AdcWindow, pair: tuple[int, int]
 ) -> tuple[FloatArray, FloatArray]:
-    """Coefficients of the phase [cycles], whole cycles off, and of the beat [cycles per sample] of one (tx, rx)."""
+    """Coefficients of the phase [cycles], less whole cycles, and of the beat [cycles per sample] of one (tx, rx)."""
     phase, beat, _ = splines.terms(radar, paths, window, *pair)
     phase = splines.matrix @ phase
     return phase - np.rint(phase[0]), splines.matrix @ beat
-
-
-def _select_paths(paths: RadarPaths, part: slice) -> RadarPaths:
-    """Some paths, without copies."""
-    return replace(
-        paths,
-        a=paths.a[:, :, part],
-        tau=paths.tau[:, :, part],
-        tau_rate=paths.tau_rate[:, :, part],
-        dispersion=None if paths.dispersion is None else paths.dispersion[:, :, :, part],
-    )
 
 
 def _spread_channels(
@@ -286,7 +323,7 @@ def _spread_channels(
         power_share = most[0] / max(float(most[0].sum()), 1e-300)
         sizes = np.maximum(sizes, np.sqrt([each.sum() for each in most]))
         phase, beat, quadratic = splines.terms(radar, paths, window, tx, rx)
-        # u^2 = 1/2 + T_2(u)/2: taking the half off halves what is left to expand, and so does what all paths share.
+        # u^2 = 1/2 + T_2(u)/2: without the constant and the common part the expansion needs fewer terms.
         quadratic = 0.5 * quadratic
         common = quadratic @ power_share
         phase = splines.matrix @ (phase + quadratic)
@@ -296,7 +333,6 @@ def _spread_channels(
         own[..., QUADRATIC] = splines.matrix @ quadratic
         shared.append(splines.matrix @ common)
         angle = max(angle, 2 * np.pi * float(np.sqrt(np.square(np.abs(quadratic).max(axis=0)) @ power_share)))
-        # One gain for all times, or a course.
         turned = gains if gains.shape[2] == 1 else gains @ splines.matrix.T.astype(gains.real.dtype)
         own[..., GAINS : GAINS + 2 * len(gains) : 2] = turned.real.T
         own[..., GAINS + 1 : GAINS + 1 + 2 * len(gains) : 2] = turned.imag.T

@@ -231,7 +231,7 @@ def test_where_nothing_can_be_forked_one_works(monkeypatch):
     assert check_workers(np.int64(2)) == 2
     with monkeypatch.context() as changed:
         changed.setattr(current_process(), "_config", {"daemon": True})
-        with pytest.raises(ValueError, match="workers is 2: this process is one of a multiprocessing"):
+        with pytest.raises(ValueError, match="workers is 2: this is a process of a multiprocessing"):
             check_workers(2)
     with pytest.raises(ValueError, match="workers is 2: a process that uses CUDA"):
         check_workers(2, "cuda")

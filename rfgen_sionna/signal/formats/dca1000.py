@@ -70,7 +70,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     frame_size = 4 * int(np.prod(shape))
     if radar is not None and not sidecar.is_file() and config.is_file():
         _check_size(data, config, known, radar)
-    frames = whole_frames(data, data.stat().st_size, frame_size, known.frames, partial)
+    frames = whole_frames(data, frame_size, known.frames, partial)
     receivers = channel_numbers(known.radar.rx_names, "RX", RX_PER_DEVICE, "one device")
     loops, slots, channels, samples = shape
     packed = (loops, slots, channels, samples // 2, 2, 2)

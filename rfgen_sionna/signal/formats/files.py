@@ -77,23 +77,23 @@ def warn_or_raise(message: str, partial: bool) -> None:
     warnings.warn(message, CaptureWarning, stacklevel=4)
 
 
-def whole_frames(path: Path, size: int, frame_size: int, expected: int | None, partial: bool) -> int:
-    """Number of frames to read from a file of `size` bytes.
+def whole_frames(path: Path, frame_size: int, expected: int | None, partial: bool, header: int = 0) -> int:
+    """Number of frames of `frame_size` bytes to read from a file, after a header.
 
     Raises
     ------
     CaptureFormatError
         The file ends within a frame, or does not hold the `expected` frames; with `partial` only where it holds none.
     """
-    present, rest = divmod(size, frame_size)
+    size = path.stat().st_size
+    present, rest = divmod(size - header, frame_size)
     message = ""
-    if expected is not None and size != expected * frame_size:
-        wanted = expected * frame_size
-        message = (
-            f"'{path}' has {size:,} bytes; {expected} frames of {frame_size:,} bytes are {wanted:,}: "
-            + (f"{wanted - size:,} bytes are missing, from byte {size:,} (frame {present}) on" if size < wanted else "")
-            + (f"{size - wanted:,} bytes are too many" if size > wanted else "")
-        )
+    if expected is not None and (missing := header + expected * frame_size - size):
+        message = f"'{path}' has {size:,} bytes; {expected} frames of {frame_size:,} bytes are {size + missing:,}: "
+        if missing > 0:
+            message += f"{missing:,} bytes are missing, from byte {size:,} (frame {present}) on"
+        else:
+            message += f"{-missing:,} bytes are too many"
     elif rest:
         message = (
             f"'{path}' has {size:,} bytes and ends within frame {present}: "

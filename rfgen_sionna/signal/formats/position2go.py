@@ -89,7 +89,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     kept: list[int] = []
     before = 0
     for number, file in enumerate(files):
-        count = whole_frames(file, file.stat().st_size, record.itemsize, expected, partial)
+        count = whole_frames(file, record.itemsize, expected, partial)
         frames = np.memmap(file, dtype=record, mode="r", shape=(count,))
         whole = _check_trailers(file, frames["trailer"], (loops, channels, samples, _mask(receivers)), partial)
         stored.append(frames)

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
-from rfgen_sionna.signal.formats.files import atomic_files, companion, data_file, need_file, warn_or_raise, write_json
+from rfgen_sionna.signal.formats.files import (
+    atomic_files,
+    companion,
+    data_file,
+    need_file,
+    warn_or_raise,
+    whole_frames,
+    write_json,
+)
 from rfgen_sionna.signal.formats.frames import WriteRequest, frames_of
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, check_json, describe, find_description
 
@@ -126,22 +134,5 @@ def _open(path: Path, shape: tuple[int, int, int, int], partial: bool) -> NDArra
             f"'{path}' holds {dtype} {found}; complex (frame, tx, rx, chirp, sample) with {shape} after the frames "
             "is needed for this radar"
         )
-    frame_size = dtype.itemsize * int(np.prod(shape))
-    present = min((path.stat().st_size - start) // frame_size, found[0])
-    missing = start + found[0] * frame_size - path.stat().st_size
-    if missing > 0:
-        size = path.stat().st_size
-        message = (
-            f"'{path}' has {size:,} bytes; {found[0]} frames of {frame_size:,} bytes after a header of {start:,} are "
-            f"{size + missing:,}: {missing:,} bytes are missing, from byte {size:,} (frame {present}) on"
-        )
-        if present == 0:
-            raise CaptureFormatError(message)
-        warn_or_raise(message, partial)
-    if missing < 0:
-        after = path.stat().st_size + missing
-        message = f"'{path}' has {-missing:,} bytes after its {found[0]} frames (from byte {after:,} on)"
-        warn_or_raise(f"{message}: its header is of another array", partial)
-    if present == 0:
-        raise CaptureFormatError(f"'{path}' holds no frame")
+    present = whole_frames(path, dtype.itemsize * int(np.prod(shape)), found[0], partial, start)
     return np.memmap(path, dtype=dtype, mode="r", offset=start, shape=(present, *shape))

@@ -207,9 +207,9 @@ def _has(value: Any, fields: Collection[str]) -> bool:
 
 def _same(wanted: Any, found: Any) -> bool:
     """Whether values are equal, as numbers (hexadecimal texts included) where both are."""
-    numbers = [_number(value) for value in (wanted, found)]
-    if None not in numbers:
-        return math.isclose(*numbers, rel_tol=_ROUNDING, abs_tol=1e-15)  # type: ignore[arg-type]
+    first, second = _number(wanted), _number(found)
+    if first is not None and second is not None:
+        return math.isclose(first, second, rel_tol=_ROUNDING, abs_tol=1e-15)
     return type(wanted) is type(found) and bool(wanted == found)
 
 

@@ -1,4 +1,4 @@
-"""Differences between channels: mutual coupling of the Rx antennas, gain and phase of the elements' chains."""
+"""Errors of channels: coupling of Rx antennas, gain and phase mismatch, IQ imbalance, DC offset."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.signal.random_streams import device_stream
+from rfgen_sionna.signal.noise import device_stream
 from rfgen_sionna.signal.receiver.value_checks import check_number, number_or_numbers, per_element
 
 Matrix = tuple[tuple[complex, ...], ...]
@@ -20,11 +20,11 @@ Matrix = tuple[tuple[complex, ...], ...]
 class Coupling:
     """Mutual coupling of the Rx antennas: port r receives sum_q matrix[r][q] times the field at element q.
 
-    Tx antennas couple as well, but what a neighbour radiates in a slot is not in any sample: it fires at another time.
+    Coupling of the Tx antennas is not modelled.
     """
 
     matrix: Matrix
-    """(rx, rx) voltage ratios; ones on the diagonal leave an element's own signal as it is."""
+    """(rx, rx) voltage ratios, with ones on the diagonal for an unchanged own signal."""
 
     def __post_init__(self) -> None:
         try:
@@ -37,10 +37,9 @@ class Coupling:
 
     @classmethod
     def of_neighbours(cls, radar: Radar, level_db: float, phase_deg: float = 0.0) -> Coupling:
-        """Coupling that falls with distance: `level_db` at half a wavelength, 1/distance and its phase beyond.
+        """Coupling by distance d: `level_db` and `phase_deg` at half a wavelength, a level with 1/d and the phase of d.
 
-        `phase_deg` is the phase at half a wavelength; there is none between elements that are apart by more than three
-        wavelengths.
+        Elements more than three wavelengths apart have no coupling.
         """
         check_number("coupling.level_db", level_db, -200, 0, "dB")
         check_number("coupling.phase_deg", phase_deg, -360, 360, "degrees")
@@ -56,40 +55,35 @@ class Coupling:
         return np.asarray(np.matmul(np.array(self.matrix), samples))
 
     def check(self, radar: Radar) -> None:
-        """Raise if the matrix is not for the Rx elements of `radar`."""
-        if len(self.matrix) != len(radar.rx_names):
-            raise ValueError(
-                f"coupling.matrix is {len(self.matrix)} x {len(self.matrix)}; radar '{radar.name}' has "
-                f"{len(radar.rx_names)} Rx elements"
-            )
+        """Raise if the size of the matrix is not the number of Rx elements of `radar`."""
+        size, count = len(self.matrix), len(radar.rx_names)
+        if size != count:
+            raise ValueError(f"coupling.matrix is {size} x {size}; radar '{radar.name}' has {count} Rx elements")
 
 
 @dataclass(frozen=True)
 class Mismatch:
-    """Gain and phase of the chains of the Tx and the Rx elements, given, drawn, or drawn about what is given.
+    """Gain and phase of the Tx and Rx chains: given values plus normal draws, constant over all frames.
 
-    A channel gets the sum of its Tx and its Rx element. Draws are normal; the device keeps them from frame to frame.
+    The gain of a channel is the product of those of its Tx and Rx element.
     """
 
     tx_gain_db: float | tuple[float, ...] = 0.0
-    """[dB]; one number for all Tx elements or one for each, in the order of `radar.tx_names`."""
+    """[dB]; one number for all Tx elements, or one for each in the order of `radar.tx_names`."""
     tx_phase_deg: float | tuple[float, ...] = 0.0
     rx_gain_db: float | tuple[float, ...] = 0.0
     rx_phase_deg: float | tuple[float, ...] = 0.0
     gain_spread_db: float = 0.0
-    """Standard deviation of what is drawn for each element [dB]."""
+    """Standard deviation of the gain drawn for each element [dB]."""
     phase_spread_deg: float = 0.0
-    """Standard deviation of what is drawn for each element [degrees]."""
+    """Standard deviation of the phase drawn for each element [degrees]."""
 
     def __post_init__(self) -> None:
         for name, limit, unit in (("gain_db", 100, "dB"), ("phase_deg", 3600, "degrees")):
             for side in ("tx", "rx"):
-                value = getattr(self, f"{side}_{name}")
-                object.__setattr__(
-                    self,
-                    f"{side}_{name}",
-                    number_or_numbers(f"mismatch.{side}_{name}", value, -limit, limit, unit),
-                )
+                field = f"{side}_{name}"
+                value = number_or_numbers(f"mismatch.{field}", getattr(self, field), -limit, limit, unit)
+                object.__setattr__(self, field, value)
         check_number("mismatch.gain_spread_db", self.gain_spread_db, 0, 20, "dB")
         check_number("mismatch.phase_spread_deg", self.phase_spread_deg, 0, 360, "degrees")
 
@@ -106,5 +100,70 @@ class Mismatch:
         return factors[0], factors[1]
 
     def check(self, radar: Radar) -> None:
-        """Raise if lists are not for the elements of `radar`."""
+        """Raise if lists have not one value for each element of `radar`."""
         self.factors(radar, 0)
+
+
+@dataclass(frozen=True)
+class IqImbalance:
+    """Gain and quadrature error of Q: I' = I, Q' = g (Q cos p - I sin p).
+
+    x' = K1 x + K2 conj(x) with K1 = (1 + g exp(-jp)) / 2 and K2 = (1 - g exp(jp)) / 2: the image of a tone is at minus
+    its frequency.
+    """
+
+    gain_db: float | tuple[float, ...] = 0.0
+    """Gain g of Q over I [dB]; one number, or one for each Rx element."""
+    phase_deg: float | tuple[float, ...] = 0.0
+    """Quadrature error p [degrees]; one number, or one for each Rx element."""
+
+    def __post_init__(self) -> None:
+        for name, limit, unit in (("gain_db", 20, "dB"), ("phase_deg", 89, "degrees")):
+            value = number_or_numbers(f"iq_imbalance.{name}", getattr(self, name), -limit, limit, unit)
+            object.__setattr__(self, name, value)
+
+    def coefficients(self, radar: Radar) -> tuple[ComplexArray, ComplexArray]:
+        """(rx,) K1 and K2."""
+        gain = 10.0 ** (per_element("iq_imbalance.gain_db", self.gain_db, radar.rx_names) / 20)
+        phase = np.radians(per_element("iq_imbalance.phase_deg", self.phase_deg, radar.rx_names))
+        turn = np.asarray(gain * np.exp(1j * phase), dtype=np.complex128)
+        return np.asarray(0.5 * (1 + np.conj(turn))), np.asarray(0.5 * (1 - turn))
+
+    def apply(self, samples: ComplexArray, radar: Radar) -> ComplexArray:
+        """(chirp, tx, rx, sample) after the mixer."""
+        direct, image = self.coefficients(radar)
+        return np.asarray(direct[:, None] * samples + image[:, None] * np.conj(samples))
+
+    def check(self, radar: Radar) -> None:
+        """Raise if lists have not one value for each Rx element of `radar`."""
+        self.coefficients(radar)
+
+
+@dataclass(frozen=True)
+class DcOffset:
+    """A constant voltage in I and Q of each receiver."""
+
+    level_dbm: float | tuple[float, ...]
+    """Power I^2 + Q^2 at the receiver input [dBm]; one number, or one for each Rx element."""
+    phase_deg: float | tuple[float, ...] | None = None
+    """Angle of (I, Q) [degrees]; one number, or one for each Rx element. None draws one for each, for all frames."""
+
+    def __post_init__(self) -> None:
+        level = number_or_numbers("dc_offset.level_dbm", self.level_dbm, -250, 60, "dBm")
+        object.__setattr__(self, "level_dbm", level)
+        if self.phase_deg is not None:
+            phase = number_or_numbers("dc_offset.phase_deg", self.phase_deg, -360, 360, "degrees")
+            object.__setattr__(self, "phase_deg", phase)
+
+    def offsets(self, radar: Radar, seed: int) -> ComplexArray:
+        """(rx,) [sqrt(W)]"""
+        level = per_element("dc_offset.level_dbm", self.level_dbm, radar.rx_names)
+        if self.phase_deg is None:
+            phase = device_stream(seed, "dc_offset", radar).uniform(0, 2 * math.pi, len(radar.rx_names))
+        else:
+            phase = np.radians(per_element("dc_offset.phase_deg", self.phase_deg, radar.rx_names))
+        return np.asarray(10.0 ** ((level - 30) / 20) * np.exp(1j * phase))
+
+    def check(self, radar: Radar) -> None:
+        """Raise if lists have not one value for each Rx element of `radar`."""
+        self.offsets(radar, 0)

@@ -1,22 +1,20 @@
-"""Phase errors that depend on a path's delay, applied to samples that are sums over paths.
+"""Phase errors that depend on the delay of a path, applied to samples that are sums over paths.
 
-A path of delay tau has the beat frequency mu tau, so the discrete Fourier transform of a chirp sorts its paths by
-delay. The error factor exp(j [phi(t) - phi(t - tau)]) is smooth in tau; it is expanded in Lagrange polynomials
-l_j(tau) on Chebyshev nodes tau_j, which turns the sum over paths into few products:
+A path of delay tau has the beat frequency mu tau, so the discrete Fourier transform of a chirp sorts paths by delay.
+The error factor exp(j [phi(t) - phi(t - tau)]) is smooth in tau; its expansion in Lagrange polynomials l_j(tau) on
+Chebyshev nodes tau_j turns the sum over paths into few products:
 
     y(t) = sum_j exp(j [phi(t) - phi(t - tau_j)]) s_j(t),   s_j = inverse transform of l_j(f / mu) S(f).
 
-A path between two bins would leak into others, so chirps are made periodic first (:mod:`.extension`). The products are
-taken on a grid of twice the sample rate, and the receiver's IF filter takes away what they put outside of the range
-window. `y - s` is what is returned: without an error nothing changes.
+Chirps are made periodic first, against leakage between bins. The gap between the end of a chirp and its next beginning
+is filled by autoregressive interpolation (Janssen, Veldhuis and Vries, IEEE Trans. ASSP 34, 1986): the filling with the
+smallest error of the linear predictor of the frame's own signals. The products are on a grid of twice the sample rate,
+and the receiver's IF filter removes frequencies outside of the range window. `y - s` is returned.
 
-What is approximate: what the extension leaves of the leakage, and Doppler, which moves a beat frequency and with it
-the delay that a path is taken for by v f_c / (mu R) of itself (1.3 mm of range for 1 m/s at 77 GHz and 60 MHz/us).
-Against the sum path by path the samples of a lone path err by at most 1.5 % of the phase error that a target at the end
-of the range window has, and those of many paths by 1 % of their own error, as long as that is at most 1 rad and its
-ripples are slower than 2 % of the sample rate; the tests hold it to that from 0.3 m on and up to 50 m/s. Faster ripples
-put sidebands beyond the edges of the IF band, which the filter takes: the formula path by path knows no filter. Paths
-of the device itself have known delays, which are used instead of the transform's.
+Approximate are the rest of the leakage, and the delays of moving paths, of which Doppler changes the beat frequency by
+v f_c / (mu R) of itself. The errors are at most 1.5 % of the phase error at the end of the range window, for phases up
+to 1 rad and ripples slower than 2 % of the sample rate. Sidebands of faster ripples are beyond the IF filter. Paths of
+the device itself have known delays, which replace those of the transform.
 """
 
 from __future__ import annotations
@@ -34,21 +32,24 @@ from scipy import fft
 
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.signal.receiver.gap_filling import fill_gap, gap_length
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.static_paths import StaticPath, tone
 
 NEGATIVE_SHARE = 1 / 32
-"""Share of the range window that counts as just below zero: approaching targets, and what leaks from near ones."""
+"""Share of the range window that counts as below zero, for approaching targets and leakage of near ones."""
 _ROWS = 500_000  # grid points of all channels at a time: bounds the memory of a thread to about 50 MB
+
+_FITTED_ROWS = 96  # chirps and channels of a frame that the predictor is fitted to: bounds the time of the fit
+_RIDGE = 1e-9
+"""White noise added to the signal, as a share of its power: bounds the predictor of few paths."""
 
 
 @dataclass(frozen=True)
 class _BeatGrid:
-    """The ADC window at twice the sample rate, and the beat frequencies that the range window holds."""
+    """ADC window at twice the sample rate, and beat frequencies of the range window."""
 
     gap: int
-    """Samples of the extension, half of them before the window."""
+    """Samples of the gap, half of them before the window."""
     times: FloatArray
     """(2 extended sample,) after the start of the ramp [s]."""
     fade: FloatArray
@@ -102,20 +103,20 @@ def generator_error(
     rng: np.random.Generator,
     tx_weights: ComplexArray | None = None,
 ) -> ComplexArray:
-    """Error that the generator's phase adds to `samples` and to the device's own paths, which are not in `samples`.
+    """Error of `samples` and of the device's own paths, which `samples` do not include, by the generator's phase.
 
     Parameters
     ----------
     samples
         (chirp, tx, rx, sample) [sqrt(W)].
     statics
-        The device's own paths.
+        Paths of the device itself.
     radar
-        A waveform of one profile, with a slope: without one a transform does not tell delays apart.
+        Radar of one profile with a slope, so that beat frequencies are delays.
     rng
-        What the phase noise is drawn from.
+        Generator of the phase noise.
     tx_weights
-        (loop or 1, slot, tx) what each slot holds of each Tx element; None is one element a slot.
+        (loop or 1, slot, tx) complex gain of each Tx element in each slot; None is one element a slot.
 
     Returns
     -------
@@ -132,7 +133,7 @@ def generator_error(
     count = inner + grid.gap
     extended = fill_gap(samples)
     window = slice(grid.gap // 2, grid.gap // 2 + inner)
-    # In the order of a transform: beat frequencies from zero up, then those below zero.
+    # In FFT order: non-negative beat frequencies, then negative ones.
     wide_bins = (grid.bins % (2 * count)).astype(int)
     order = np.argsort(wide_bins)
     wide_bins, bins = wide_bins[order], (grid.bins[order] % count).astype(int)
@@ -153,7 +154,7 @@ def generator_error(
     out = np.empty_like(samples)
 
     def work(part: slice) -> None:
-        # The error is small against the samples: single precision is exact enough for it, its phase apart.
+        # Single precision suffices for the error, which is small, but not for its phase.
         spectrum = (2 * fft.fft(extended[part], axis=-1)[..., bins]).astype(np.complex64)
         chosen = None if drawn is None else drawn[part]
         now = _phase(radar, grid.times, ramp, chosen)
@@ -182,7 +183,7 @@ def generator_error(
 
 
 def _summed(signal: NDArray[Any], tx_weights: ComplexArray | None, part: slice) -> NDArray[Any]:
-    """(tx, rx, time) as the chirps `part` hold it: (chirp or 1, slot, rx, time)."""
+    """(chirp or 1, slot, rx, time) of the chirps `part`, from (tx, rx, time)."""
     if tx_weights is None:
         return signal[None]
     weights = tx_weights if len(tx_weights) == 1 else tx_weights[part]
@@ -190,7 +191,7 @@ def _summed(signal: NDArray[Any], tx_weights: ComplexArray | None, part: slice) 
 
 
 def _phase(radar: Radar, times: FloatArray, ramp: RampError | None, drawn: ComplexArray | None) -> FloatArray:
-    """(..., time) phase error of the generator [rad]; `drawn` are Fourier coefficients of the noise at `times`."""
+    """(..., time) phase error of the generator [rad]; `drawn` are Fourier coefficients of the noise."""
     phase = np.zeros(len(times)) if ramp is None else ramp.phase(radar, times)
     return phase if drawn is None else phase + _on_grid(drawn, len(times))
 
@@ -207,3 +208,46 @@ def _on_grid(coefficients: ComplexArray, count: int) -> FloatArray:
     """(..., count) first half of the period of the real series with these coefficients."""
     length = 2 * (coefficients.shape[-1] - 1)
     return np.asarray(fft.irfft(coefficients * (length / 2), n=length, axis=-1)[..., :count])
+
+
+def gap_length(count: int) -> int:
+    """Even number of samples in the gap for chirps of `count` samples; 0 below 16, too few for a predictor."""
+    return 0 if count < 16 else 2 * round(min(64, count // 4) / 2)
+
+
+def fill_gap(samples: ComplexArray) -> ComplexArray:
+    """(..., sample + gap) periodic chirps, with half the gap before and half behind."""
+    count = samples.shape[-1]
+    gap = gap_length(count)
+    if gap == 0:
+        return samples
+    rows = samples.reshape(-1, count)
+    predictor = _predictor(rows[:: max(1, len(rows) // _FITTED_ROWS)], gap // 2)
+    order = len(predictor) - 1
+    # Matrix from [order samples before, gap, order samples behind] to prediction errors in and around the gap.
+    errors = np.zeros((gap + order, gap + 2 * order), dtype=np.complex128)
+    for row in range(gap + order):
+        errors[row, row : row + order + 1] = predictor[::-1]
+    inside, known = errors[:, order : order + gap], np.delete(errors, np.s_[order : order + gap], axis=1)
+    filling = -np.linalg.lstsq(inside, known, rcond=None)[0]
+    around = np.concatenate([rows[:, -order:], rows[:, :order]], axis=1)
+    filled = around @ filling.T
+    half = gap // 2
+    extended = np.concatenate([filled[:, half:], rows, filled[:, :half]], axis=1)
+    return extended.reshape(*samples.shape[:-1], count + gap)
+
+
+def _predictor(rows: ComplexArray, order: int) -> ComplexArray:
+    """(order + 1,) one and minus the weights of the past samples, from forward and backward prediction."""
+    windows = np.lib.stride_tricks.sliding_window_view(rows, order + 1, axis=-1).reshape(-1, order + 1)
+    matrix = windows.T.conj() @ windows
+    matrix = matrix + matrix[::-1, ::-1].conj()  # backwards in time a path's frequency is that of its conjugate
+    power = float(np.trace(matrix).real) / (order + 1)
+    weights = np.zeros(order + 1, dtype=np.complex128)
+    weights[0] = 1.0
+    if power == 0.0:
+        return weights
+    past = matrix[:order, :order] + _RIDGE * power * np.eye(order)
+    # Columns run from the oldest sample to the newest, the one that is predicted.
+    weights[1:] = -np.linalg.solve(past, matrix[:order, order])[::-1]
+    return weights

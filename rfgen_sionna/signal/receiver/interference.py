@@ -1,8 +1,8 @@
 """Chirps of another FMCW radar that cross the receiver's band.
 
-The mixer takes the other radar's chirp down to the difference of the two ramps, f_b(t) = f(t) - f'(t - t'), which runs
-through the IF band at the difference of the slopes: a burst of length B_if / |mu - mu'|. It is computed on a grid fine
-enough for the part of that run that the IF filter lets through, filtered and taken down to the ADC's rate.
+After the mixer the other radar's chirp has the difference of the two ramps, f_b(t) = f(t) - f'(t - t'), which crosses
+the IF band at the difference of the slopes: a burst of length B_if / |mu - mu'|. Bursts are computed on a finer grid,
+filtered and decimated to the ADC's rate.
 """
 
 from __future__ import annotations
@@ -15,33 +15,33 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.signal.random_streams import device_stream, frame_stream
+from rfgen_sionna.signal.noise import device_stream, frame_stream
 from rfgen_sionna.signal.receiver.value_checks import check_number, check_numbers
 
-OVERSAMPLING = 8
+OVERSAMPLING = 8  # of the grid: room for the transition of the IF filter and the fade of a burst beyond it
 IF_SHARE = 0.9
-"""Share of the complex sample rate that the IF filter passes unless told otherwise."""
+"""Default passband of the IF filter as a share of the complex sample rate."""
 TRANSITION_SHARE = 0.1
 """Width of the filter's edges as a share of the sample rate."""
-REJECTION_DB = 70.0
-_PAIRS = 256  # bursts at a time
+REJECTION_DB = 70.0  # of the IF filter's stopband, below the noise of usual bursts
+_PAIRS = 256  # bursts at a time: bounds memory
 
 
 @dataclass(frozen=True)
 class Interferer:
     """Another FMCW radar in the surroundings, not synchronised with this one.
 
-    Its ramps start with a random phase. Its direct path is what counts: one way, from its Tx elements' common place.
+    Its direct one-way path counts, with a random phase of each ramp.
     """
 
     radar: Radar
-    """Its waveform, pose, power and element pattern."""
+    """Waveform, pose, power and element pattern of the other radar."""
     received_dbm: float | None = None
     """Power at an Rx port [dBm]; None takes Friis' equation, with patterns and polarisations of both radars."""
     start: float | None = None
-    """Start of its first frame after that of the own first one [s]; None draws one within its frame period."""
+    """Start of its first frame, from the start of the own first frame [s]; None draws one within its frame period."""
     if_band_hz: tuple[float, float] | None = None
-    """Edges (-6 dB) of the receiver's IF band on the targets' side [Hz]; None: 0 to 0.9 of the sample rate."""
+    """Edges (-6 dB) of the receiver's IF band on the targets' side [Hz]; None takes 0 to 0.9 of the sample rate."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.radar, Radar):
@@ -57,7 +57,7 @@ class Interferer:
             object.__setattr__(self, "if_band_hz", band)
 
     def check(self, radar: Radar) -> None:
-        """Raise if there is no direction to the other radar, or the band does not fit the sample rate."""
+        """Raise if both radars have the same position, or the band does not fit the sample rate."""
         if math.dist(self.radar.position, radar.position) < 1e-3:
             raise ValueError(f"interferer.radar is at {self.radar.position} m, the radar's own place: put it elsewhere")
         low, high = self.band(radar)
@@ -78,7 +78,7 @@ class Interferer:
         return np.asarray(line / np.linalg.norm(line) @ radar.rotation)
 
     def amplitude(self, radar: Radar) -> float:
-        """At an Rx port [sqrt(W)]: P G G' (wavelength / 4 pi R)^2 and the cosine between the two fields."""
+        """Amplitude at an Rx port [sqrt(W)]: P G G' (wavelength / 4 pi R)^2 times the cosine between both fields."""
         if self.received_dbm is not None:
             return float(10.0 ** ((self.received_dbm - 30) / 20))
         line = np.subtract(self.radar.position, radar.position)
@@ -93,14 +93,14 @@ class Interferer:
             fields.append(across / max(float(np.linalg.norm(across)), 1e-12))
         aligned = abs(float(fields[0] @ fields[1]))
         power = 1e-3 * 10.0 ** (self.radar.tx_power_dbm / 10)
-        if slots := self.radar.waveform.slots:  # elements that radiate at once, in no special phase on average
+        if slots := self.radar.waveform.slots:  # elements that radiate at once, with random phases on average
             power *= float(np.mean([len(slot.on) for slot in slots]))
         return math.sqrt(power) * gains * aligned * self.radar.wavelength / (4 * math.pi * distance)
 
     def samples(self, radar: Radar, *, seed: int, frame: int, index: int = 0, profile: int = 0) -> ComplexArray:
-        """(chirp, tx, rx, sample) at the ADC of `radar`, whose chirps are of one kind.
+        """(chirp, tx, rx, sample) at the ADC of `radar`, of one profile [sqrt(W)].
 
-        `index` tells several interferers' draws apart, `profile` those of several kinds of chirps.
+        `seed`, `frame`, `index` of the interferer and number of the `profile` determine the draws.
         """
         name = f"interference.{index}"
         start = self.start
@@ -125,9 +125,9 @@ class Interferer:
             np.add.at(flat, chirps[part], amplitude * self._bursts(radar, ramps[part], phases[part]))
 
     def _crossings(self, radar: Radar, clock: float) -> tuple[NDArray[np.intp], FloatArray]:
-        """Own chirps (flat index) that meet a ramp in the band, and when that starts after their own ramp [s].
+        """Flat index of own chirps with a ramp in their band, and start of that ramp after the own one [s].
 
-        `clock` is the start of the own frame after that of the other's first one [s].
+        `clock` is the start of the own frame after the other radar's first one [s].
         """
         own, other = radar.waveform, self.radar.waveform
         margin = _filter(radar, self.band(radar))[0]
@@ -163,7 +163,7 @@ class Interferer:
         start = _beat(radar, self.radar, np.zeros(1), ramps[:, None]) - middle
         cycles = start * t + 0.5 * (own.slope - other.slope) * t**2
         offset = np.abs(_beat(radar, self.radar, t, ramps[:, None]) - middle)
-        # What the grid cannot carry fades out where the filter takes it away anyway.
+        # Frequencies above the grid's limit fade out in the filter's stopband.
         flat, gone = 0.25 * rate, 0.5 * rate
         fade = 0.5 + 0.5 * np.cos(math.pi * np.clip((offset - flat) / (gone - flat), 0, 1))
         on = (since >= 0) & (since <= other.ramp_end_time)
@@ -175,13 +175,13 @@ class Interferer:
 
 
 def _beat(radar: Radar, other: Radar, t: FloatArray, ramps: FloatArray) -> FloatArray:
-    """Frequency out of the mixer [Hz] at `t` after the start of the own ramp, the other's starting at `ramps` [s]."""
-    own, foreign = radar.waveform, other.waveform
-    return np.asarray(own.start_frequency + own.slope * t - foreign.start_frequency - foreign.slope * (t - ramps))
+    """Frequency after the mixer [Hz] at `t` after the start of the own ramp; the other ramp starts at `ramps` [s]."""
+    own, their = radar.waveform, other.waveform
+    return np.asarray(own.start_frequency + own.slope * t - their.start_frequency - their.slope * (t - ramps))
 
 
 def _span(radar: Radar, band: tuple[float, float]) -> tuple[float, float]:
-    """Frequencies that the fine grid carries [Hz]."""
+    """Frequency limits of the fine grid [Hz]."""
     middle = 0.5 * (band[0] + band[1]) * np.sign(radar.waveform.slope or 1.0)
     half = 0.5 * radar.waveform.sample_rate * OVERSAMPLING
     return middle - half, middle + half

@@ -1,9 +1,8 @@
 """Errors of the chirp generator: ramp non-linearity and phase noise.
 
 The mixer compares the transmitted phase with that of the echo sent tau earlier, so a phase error phi(t) of the
-generator leaves phi(t) - phi(t - tau) on a path of delay tau ("range correlation"): close paths, leakage above all,
-hardly see it.
-How to apply that to samples, which are sums over paths, is in :mod:`rfgen_sionna.signal.receiver.delay_phase_errors`.
+generator leaves phi(t) - phi(t - tau) on a path of delay tau ("range correlation"), little for close paths such as
+leakage. :mod:`rfgen_sionna.signal.receiver.delay_phase_errors` applies it to samples, with its limits.
 """
 
 from __future__ import annotations
@@ -23,11 +22,7 @@ from rfgen_sionna.signal.receiver.value_checks import check_number, check_number
 class RampError:
     """Deviation of the ramp's frequency from a straight line: a polynomial plus a sine, the same in every chirp.
 
-    A path of delay tau gets the phase phi(t) - phi(t - tau), phi being the integral of 2 pi times the deviation; how
-    exactly is said in :mod:`rfgen_sionna.signal.receiver.delay_phase_errors`: to 1.5 % of the phase at the end of the
-    range
-    window, for ripples slower than 2 % of the sample rate and phases up to 1 rad. Faster ripples put sidebands beyond
-    the IF band, which the ADC's filter takes: towards the window's ends more is then missing.
+    A path of delay tau gets the phase phi(t) - phi(t - tau), where phi is the integral of 2 pi times the deviation.
     """
 
     polynomial_hz: tuple[float, ...] = ()
@@ -56,7 +51,7 @@ class RampError:
         return np.asarray(smooth + self.sine_hz * np.sin(angle))
 
     def phase(self, radar: Radar, times: FloatArray) -> FloatArray:
-        """Its integral from the start of the ramp [rad]; continued where `times` are negative."""
+        """Phase error phi [rad] at `times` after the start of the ramp [s], also for negative times."""
         span = radar.waveform.ramp_end_time
         integral = np.polynomial.polynomial.polyint(self.polynomial_hz or (0.0,))
         phase = 2 * math.pi * span * np.polynomial.polynomial.polyval(times / span, integral)
@@ -73,14 +68,14 @@ class RampError:
 
 @dataclass(frozen=True)
 class PhaseNoise:
-    """Phase noise of the chirp generator, shared by all Tx and Rx elements.
+    """Phase noise of the chirp generator, common to all Tx and Rx elements.
 
-    Chirps draw independently: what a generator does more slowly than a chirp, range correlation takes away.
+    Draws of chirps are independent: range correlation removes noise slower than a chirp.
     """
 
     points: tuple[tuple[float, float], ...]
-    """(offset from the carrier [Hz], single-sideband level [dBc/Hz]), offsets ascending. Levels run straight over
-    log(offset) in between and stay constant outside."""
+    """(offset from the carrier [Hz], single-sideband level [dBc/Hz]), offsets ascending. Levels are linear in
+    log(offset) in between and constant outside."""
 
     def __post_init__(self) -> None:
         try:
@@ -110,7 +105,7 @@ class PhaseNoise:
         """
         offset = np.arange(count // 2 + 1) / period
         parts = rng.standard_normal((chirps, len(offset), 2))
-        # Both sidebands together: a real cosine of random amplitude and phase in each slot of 1 / period.
+        # Both sidebands: a real cosine of random amplitude and phase in each bin of 1 / period.
         coefficients = (parts[..., 0] + 1j * parts[..., 1]) * np.sqrt(2 * self.density(offset) / period)
         coefficients[:, 0] = 0.0
         return coefficients

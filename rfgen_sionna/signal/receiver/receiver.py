@@ -1,31 +1,41 @@
-"""The receiver as a whole: which impairments there are, and their order."""
+"""The receiver: its impairments, their order, and its ADC."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Adc, Radar
-from rfgen_sionna.signal.noise import add_thermal_noise
-from rfgen_sionna.signal.random_streams import frame_stream
-from rfgen_sionna.signal.receiver.channels import Coupling, Mismatch
-from rfgen_sionna.signal.receiver.converter import ReceivedFrame, convert
+from rfgen_sionna.signal.noise import add_thermal_noise, check_whole, frame_stream, noise_power
+from rfgen_sionna.signal.receiver.channels import Coupling, DcOffset, IqImbalance, Mismatch
 from rfgen_sionna.signal.receiver.delay_phase_errors import generator_error
 from rfgen_sionna.signal.receiver.interference import Interferer
-from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
 from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.static_paths import Chassis, Leakage, RangeBias, static_paths, tone
+
+PARTS: dict[str, type] = {
+    "leakage": Leakage,
+    "chassis": Chassis,
+    "range_bias": RangeBias,
+    "ramp_error": RampError,
+    "phase_noise": PhaseNoise,
+    "mismatch": Mismatch,
+    "iq_imbalance": IqImbalance,
+    "dc_offset": DcOffset,
+}
+"""Field of a :class:`Receiver` -> class of the impairment, for those that are plain tables."""
 
 
 @dataclass(frozen=True)
 class Receiver:
-    """The hardware between the echoes and the ADC's words, in the order in which a signal meets it.
+    """Hardware from the echoes to the ADC's words, in the order of the signal.
 
-    Everything is off but thermal noise and the radar's own ADC. A board as it comes, with numbers of one's own:
+    By default only thermal noise and the radar's own ADC are on. For example:
 
     >>> Receiver(
     ...     leakage=Leakage(level_db=-30.0),
@@ -44,26 +54,15 @@ class Receiver:
     interferers: tuple[Interferer, ...] = ()
     coupling: Coupling | None = None
     thermal_noise: bool = True
-    """kTBF of the radar's temperature, noise figure and sample rate."""
+    """Whether noise of power k T F B is added."""
     mismatch: Mismatch | None = None
     iq_imbalance: IqImbalance | None = None
     dc_offset: DcOffset | None = None
     adc: Adc | Literal["radar"] | None = "radar"
-    """Converters; "radar" takes `radar.adc`, None leaves the samples as they are."""
+    """Converters; "radar" takes `radar.adc`, None does not quantise."""
 
     def __post_init__(self) -> None:
-        kinds: dict[str, type] = {
-            "leakage": Leakage,
-            "chassis": Chassis,
-            "range_bias": RangeBias,
-            "ramp_error": RampError,
-            "phase_noise": PhaseNoise,
-            "coupling": Coupling,
-            "mismatch": Mismatch,
-            "iq_imbalance": IqImbalance,
-            "dc_offset": DcOffset,
-        }
-        for name, kind in kinds.items():
+        for name, kind in (PARTS | {"coupling": Coupling}).items():
             value = getattr(self, name)
             if value is not None and not isinstance(value, kind):
                 raise TypeError(f"receiver.{name} is {value!r}: None or a {kind.__name__} is needed")
@@ -83,7 +82,7 @@ class Receiver:
 
     @classmethod
     def ideal(cls) -> Receiver:
-        """A receiver that changes nothing: switch on what is to be looked at with `dataclasses.replace`."""
+        """Receiver without impairments, noise and quantisation."""
         return cls(thermal_noise=False, adc=None)
 
     def without_noise(self) -> Receiver:
@@ -91,41 +90,29 @@ class Receiver:
         return replace(self, thermal_noise=False)
 
     def converter(self, radar: Radar) -> Adc | None:
-        """The ADC that is in effect for `radar`."""
+        """ADC for `radar`; None does not quantise."""
         return radar.adc if isinstance(self.adc, str) else self.adc
 
     def tx_gains(self, radar: Radar, seed: int) -> ComplexArray | None:
-        """(tx,) gains of the Tx chains that :func:`~rfgen_sionna.signal.synthesize` must know of.
-
-        They are those of a radar whose elements radiate together; None where :func:`receive` puts them in.
-        """
+        """(tx,) gains of the Tx chains for :func:`~rfgen_sionna.signal.synthesize`, of a radar whose elements radiate
+        at once; None where :func:`receive` applies them."""
         wave = radar.waveform
         if self.mismatch is None or not wave.slots or wave.separated:
             return None
         return self.mismatch.factors(radar, seed)[0]
 
     def check(self, radar: Radar) -> None:
-        """Raise if something does not fit `radar`, before any work is done.
-
-        Raises
-        ------
-        ValueError
-            Naming the field, its value and what is allowed.
-        """
+        """Raise a ValueError, naming field, value and cure, if something does not fit `radar`."""
         static_paths(radar, self.leakage, self.chassis, self.range_bias)
         flat = any(profile.slope == 0 for profile in radar.waveform.profiles)
         if flat and (self.ramp_error is not None or self.phase_noise is not None):
             raise ValueError(
                 "waveform.slope is 0: receiver.ramp_error and receiver.phase_noise need a ramp, whose beat frequencies "
-                "tell delays apart"
+                "are delays"
             )
-        for part in self._parts():
-            part.check(radar)
-
-    def _parts(self) -> Iterator[Any]:
         for part in (self.coupling, self.mismatch, self.iq_imbalance, self.dc_offset, *self.interferers):
             if part is not None:
-                yield part
+                part.check(radar)
 
 
 def receive(
@@ -139,34 +126,30 @@ def receive(
 ) -> ReceivedFrame:
     """Samples of one frame behind the receiver.
 
-    The order is that of the signal: leakage and chassis join the echoes, all of them late by the range bias; the
-    generator's ramp error and phase noise act on each by its delay; the Tx chains; interference; coupling of the Rx
-    antennas; thermal noise; the Rx chains, which noise goes through as well; IQ imbalance; DC offset; ADC.
+    Order: echoes, leakage and chassis, delayed by the range bias; the generator's ramp error and phase noise, by the
+    delay of each path; Tx chains; interference; coupling of the Rx antennas; thermal noise; Rx chains; IQ imbalance; DC
+    offset; ADC.
 
     Parameters
     ----------
     samples
-        (chirp, tx, rx, sample) of :func:`~rfgen_sionna.signal.synthesize`, in square roots of watts; left as they are.
-        Where several Tx elements radiate at once they hold `receiver.tx_gains` already.
+        (chirp, tx, rx, sample) of :func:`~rfgen_sionna.signal.synthesize` [sqrt(W)], not modified; they include
+        `receiver.tx_gains`.
     seed, frame
-        Draws depend on these, on the radar's name and pose (at t = 0) and on the name of the impairment alone: radars
-        of one scene draw independently, and switching an impairment on leaves the others' as they were. What belongs to
-        the device (mismatch, phase of the DC offset, the interferers' clocks) depends on `seed` and the radar alone.
+        Draws depend on these, on the radar's name and pose (at t = 0) and on the name of the impairment alone.
+        Properties of the device (mismatch, phase of the DC offset, clocks of interferers) do not depend on `frame`.
     full_scale
-        Range of an automatic ADC [sqrt(W)], for instance that of the run's first frame; None sets it from this frame.
+        Range of an automatic ADC [sqrt(W)], such as that of the run's first frame; None sets it from this frame.
 
     Raises
     ------
     ValueError
-        If the samples are not those of `radar`, or the receiver does not fit it.
+        If the shape of the samples or the receiver does not fit `radar`.
     """
     if samples.shape != radar.frame_shape:
         raise ValueError(f"samples have the shape {samples.shape}; radar '{radar.name}' makes {radar.frame_shape}")
-    for name, value in (("seed", seed), ("frame", frame)):
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
-            raise ValueError(f"{name} is {value!r}: a whole number of at least 0 is needed")
+    seed, frame = check_whole("seed", seed), check_whole("frame", frame)
     receiver.check(radar)
-    seed, frame = int(seed), int(frame)
     out = np.array(samples, dtype=np.complex128)
     wave = radar.waveform
     tx_gain, rx_gain = (None, None) if receiver.mismatch is None else receiver.mismatch.factors(radar, seed)
@@ -197,14 +180,24 @@ def _one_profile(
     frame: int,
     number: int,
 ) -> ComplexArray:
-    """Generator, Tx chains and interference for chirps of one kind, the `number`-th; `samples` may change."""
+    """Static paths, generator, Tx chains and interference for the chirps of profile `number`; `samples` may change."""
     wave = radar.waveform
     together = bool(wave.slots) and not wave.separated
     weights = np.conj(wave.axis_weights) if together else None
     if weights is not None and tx_gains is not None:
         weights = weights * tx_gains
-    name = "phase_noise" + (f".{number}" if number else "")
-    samples = _generator(samples, radar, receiver, weights, seed, frame, name)
+    if receiver.range_bias is not None:
+        samples *= receiver.range_bias.phasor(radar)
+    statics = static_paths(radar, receiver.leakage, receiver.chassis, receiver.range_bias)
+    error = None
+    if receiver.ramp_error is not None or receiver.phase_noise is not None:
+        rng = frame_stream(seed, "phase_noise" + (f".{number}" if number else ""), frame, radar)
+        error = generator_error(samples, statics, radar, receiver.ramp_error, receiver.phase_noise, rng, weights)
+    for path in statics:
+        signal = path.amplitude * tone(radar, wave.sample_times, path.delay)
+        samples += signal if weights is None else np.einsum("lat,trs->lars", weights, signal)
+    if error is not None:
+        samples += error
     if tx_gains is not None and not together:
         samples *= tx_gains[:, None, None]
     for index, other in enumerate(receiver.interferers):
@@ -212,29 +205,56 @@ def _one_profile(
     return samples
 
 
-def _generator(
-    samples: ComplexArray,
-    radar: Radar,
-    receiver: Receiver,
-    weights: ComplexArray | None,
-    seed: int,
-    frame: int,
-    name: str,
-) -> ComplexArray:
-    """Echoes, leakage and chassis with the delay that they share and the generator's errors; `samples` may change.
+AUTOMATIC_HEADROOM = 2.0
+"""Least ratio of an automatic full scale to the largest I or Q that it is set from."""
 
-    `weights` (loop or 1, slot, tx) say what each slot holds of each Tx element; None is one element a slot.
+
+@dataclass(frozen=True)
+class ReceivedFrame:
+    """Samples of one frame behind the receiver."""
+
+    samples: ComplexArray
+    """(chirp, tx, rx, sample) in square roots of watts at the receiver input."""
+    adc: Adc | None = None
+    """None for samples that are not quantised."""
+    full_scale: float | None = None
+    """Largest I or Q of the converters [sqrt(W)]; None for samples that are not quantised."""
+    clipped: float = 0.0
+    """Share of the words of I and Q beyond the range."""
+
+    @property
+    def lsb(self) -> float | None:
+        """Step of the converters [sqrt(W)]; None for samples that are not quantised."""
+        return None if self.adc is None or self.full_scale is None else self.full_scale / 2 ** (self.adc.bits - 1)
+
+    @property
+    def words(self) -> NDArray[np.int16] | NDArray[np.int32]:
+        """(chirp, tx, rx, sample, 2) signed words of I and Q: `samples` in units of `lsb`, exactly. Samples that are
+        not quantised are a ValueError."""
+        if self.adc is None or self.lsb is None:
+            raise ValueError("capture.words: the receiver had no ADC (Receiver(adc=...))")
+        parts = np.stack([self.samples.real, self.samples.imag], axis=-1) / self.lsb
+        words = np.rint(parts)
+        return words.astype(np.int16) if self.adc.bits <= 16 else words.astype(np.int32)
+
+
+def convert(samples: ComplexArray, radar: Radar, adc: Adc, full_scale: float | None = None) -> ReceivedFrame:
+    """Round I and Q to the nearest of 2^bits steps and clip them to -2^(bits-1) … 2^(bits-1) - 1 steps.
+
+    The range is that of `adc.full_scale_dbm`. An automatic range is `full_scale` [sqrt(W)]; without one, the power of
+    two that leaves 6 to 12 dB above the largest I or Q of these samples, or the noise. Samples are exact in float32.
     """
-    if receiver.range_bias is not None:
-        samples *= receiver.range_bias.phasor(radar)
-    statics = static_paths(radar, receiver.leakage, receiver.chassis, receiver.range_bias)
-    error = None
-    if receiver.ramp_error is not None or receiver.phase_noise is not None:
-        rng = frame_stream(seed, name, frame, radar)
-        error = generator_error(samples, statics, radar, receiver.ramp_error, receiver.phase_noise, rng, weights)
-    for path in statics:
-        signal = path.amplitude * tone(radar, radar.waveform.sample_times, path.delay)
-        samples += signal if weights is None else np.einsum("lat,trs->lars", weights, signal)
-    if error is not None:
-        samples += error
-    return samples
+    if adc.full_scale_dbm is not None:
+        full_scale = 10.0 ** ((adc.full_scale_dbm - 30) / 20)
+    elif full_scale is None:
+        peak = max(float(np.abs(samples.real).max(initial=0.0)), float(np.abs(samples.imag).max(initial=0.0)))
+        least = AUTOMATIC_HEADROOM * max(peak, noise_power(radar) ** 0.5, 1e-20)
+        full_scale = 2.0 ** math.ceil(math.log2(least))
+    half = 2 ** (adc.bits - 1)
+    lsb = full_scale / half
+    out, beyond = np.empty_like(samples), 0
+    for part, target in ((samples.real, out.real), (samples.imag, out.imag)):
+        words = np.rint(part / lsb)
+        beyond += int(np.count_nonzero((words < -half) | (words > half - 1)))
+        target[...] = np.clip(words, -half, half - 1) * lsb
+    return ReceivedFrame(out, adc, full_scale, beyond / max(2 * samples.size, 1))

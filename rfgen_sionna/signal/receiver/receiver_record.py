@@ -1,4 +1,4 @@
-"""Receivers as JSON-able records and as TOML files."""
+"""Receivers as JSON records and TOML files."""
 
 from __future__ import annotations
 
@@ -12,32 +12,19 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.radar import Adc, Radar
-from rfgen_sionna.signal.receiver.channels import Coupling, Mismatch
+from rfgen_sionna.signal.receiver.channels import Coupling
 from rfgen_sionna.signal.receiver.interference import Interferer
-from rfgen_sionna.signal.receiver.mixer import DcOffset, IqImbalance
-from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
-from rfgen_sionna.signal.receiver.receiver import Receiver
-from rfgen_sionna.signal.receiver.static_paths import Chassis, Leakage, RangeBias
+from rfgen_sionna.signal.receiver.receiver import PARTS, Receiver
 
-_PARTS: dict[str, type] = {
-    "leakage": Leakage,
-    "chassis": Chassis,
-    "range_bias": RangeBias,
-    "ramp_error": RampError,
-    "phase_noise": PhaseNoise,
-    "mismatch": Mismatch,
-    "iq_imbalance": IqImbalance,
-    "dc_offset": DcOffset,
-}
-_KNOWN = (*_PARTS, "coupling", "interferers", "thermal_noise", "adc")
+_KNOWN = (*PARTS, "coupling", "interferers", "thermal_noise", "adc")
 
 
 def receiver_record(receiver: Receiver) -> dict[str, Any]:
-    """Everything that makes up the receiver, ready for JSON; what is off is left out."""
+    """JSON record of the receiver, without the parts that are off."""
     record: dict[str, Any] = {"thermal_noise": receiver.thermal_noise, "adc": "none"}
     if receiver.adc is not None:
         record["adc"] = receiver.adc if isinstance(receiver.adc, str) else asdict(receiver.adc)
-    for name in _PARTS:
+    for name in PARTS:
         if (part := getattr(receiver, name)) is not None:
             record[name] = asdict(part)
     if receiver.coupling is not None:
@@ -52,23 +39,23 @@ def receiver_record(receiver: Receiver) -> dict[str, Any]:
 
 
 def receiver_from_record(record: Mapping[str, Any], radar: Radar) -> Receiver:
-    """Inverse of :func:`receiver_record`; more loosely, what a person writes.
+    """Inverse of :func:`receiver_record`, with two abbreviations.
 
-    `coupling` may also be that of neighbours (:meth:`Coupling.of_neighbours`, `level_db` and `phase_deg`), the `radar`
-    of an interferer the name or the file of one, with `preset`, `position` and `look_at` or `orientation` beside it.
+    `coupling` may have `level_db` and `phase_deg` of neighbours (:meth:`Coupling.of_neighbours`). The `radar` of an
+    interferer may be a name or file, with `preset`, `position` and `look_at` or `orientation` beside it.
 
     Raises
     ------
     ValueError
-        Naming the key, what it is and what is allowed.
+        Naming the key, its value and what is allowed.
     """
     if not isinstance(record, Mapping):
         raise ValueError(f"receiver is {record!r}: a table with keys of {', '.join(_KNOWN)} is needed")
     _check_keys("receiver", record, _KNOWN)
     arguments: dict[str, Any] = {}
-    for name, kind in _PARTS.items():
+    for name, kind in PARTS.items():
         if name in record:
-            arguments[name] = _made(kind, f"receiver.{name}", record[name])
+            arguments[name] = _part(kind, f"receiver.{name}", record[name])
     if "coupling" in record:
         arguments["coupling"] = _coupling(record["coupling"], radar)
     if "interferers" in record:
@@ -84,12 +71,12 @@ def receiver_from_record(record: Mapping[str, Any], radar: Radar) -> Receiver:
 
 
 def read_receiver(source: Receiver | Mapping[str, Any] | str | PathLike[str], radar: Radar) -> Receiver:
-    """A receiver as it is, from a record or from a TOML file with the keys of one, checked against `radar`.
+    """Receiver from a Receiver, a record or a TOML file with the keys of a record, checked against `radar`.
 
     Raises
     ------
-    ValueError
-        If there is no such file, or it says what no receiver of this radar has.
+    TypeError, ValueError
+        If the file does not exist, or the receiver does not fit the radar.
     """
     if isinstance(source, Receiver):
         receiver = source
@@ -106,9 +93,7 @@ def read_receiver(source: Receiver | Mapping[str, Any] | str | PathLike[str], ra
         except ValueError as error:
             raise ValueError(f"receiver file '{path}': {error}") from error
     else:
-        raise TypeError(
-            f"receiver is {source!r}: a Receiver, a table of its parts or the path of a TOML file is needed"
-        )
+        raise TypeError(f"receiver is {source!r}: a Receiver, a table or the path of a TOML file is needed")
     receiver.check(radar)
     return receiver
 
@@ -118,7 +103,7 @@ def _check_keys(what: str, record: Mapping[str, Any], known: Sequence[str]) -> N
         raise ValueError(f"{what} has the unknown key '{min(unknown)}'; known: {', '.join(known)}")
 
 
-def _made(kind: type, what: str, record: Any) -> Any:
+def _part(kind: type, what: str, record: Any) -> Any:
     """One part from its table."""
     names = [item.name for item in fields(kind)]
     if not isinstance(record, Mapping):
@@ -181,4 +166,4 @@ def _adc(record: Any) -> Any:
             f'receiver.adc is {record!r}: "radar", "none" or a table with bits and full_scale_dbm is needed'
         )
     level = record.get("full_scale_dbm")
-    return _made(Adc, "receiver.adc", dict(record) | {"full_scale_dbm": None if level == "auto" else level})
+    return _part(Adc, "receiver.adc", dict(record) | {"full_scale_dbm": None if level == "auto" else level})

@@ -1,7 +1,7 @@
 """Returns of the device itself, the same in every frame: Tx-Rx leakage, chassis, range bias.
 
-A path of delay tau and voltage gain g comes out of the mixer as `g exp(j 2 pi [f_0 tau + mu t tau - mu tau^2 / 2])`,
-the same law as for the scene (:mod:`rfgen_sionna.signal.synthesis`).
+A path of delay tau and voltage gain g has the signal `g exp(j 2 pi [f_0 tau + mu t tau - mu tau^2 / 2])` after the
+mixer, as in :mod:`rfgen_sionna.signal.synthesis`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from rfgen_sionna.signal.receiver.value_checks import check_number
 
 @dataclass(frozen=True)
 class Leakage:
-    """The transmitted chirp that goes straight from each Tx to each Rx element."""
+    """Direct path from each Tx to each Rx element."""
 
     level_db: float
-    """Power at an Rx port over the power at the Tx port: minus the isolation [dB]."""
+    """Power at an Rx port over the power at the Tx port, minus the isolation [dB]."""
     extra_length: float = 0.0
-    """Path length beyond the distance between the two elements, for instance along the board [m]."""
+    """Path length in addition to the distance between the two elements [m]."""
 
     def __post_init__(self) -> None:
         check_number("leakage.level_db", self.level_db, -200, 0, "dB")
@@ -37,29 +37,29 @@ class Leakage:
 
 @dataclass(frozen=True)
 class Chassis:
-    """A bumper, radome or housing: a plate across the boresight that mirrors each Tx into each Rx element."""
+    """Bumper, radome or housing: a plate normal to the boresight that reflects each Tx into each Rx element."""
 
     level_db: float
     """Power at an Rx port over the power at the Tx port [dB]."""
     distance: float
-    """From the device's origin along the boresight [m]."""
+    """Distance from the device's origin along the boresight [m]."""
 
     def __post_init__(self) -> None:
         check_number("chassis.level_db", self.level_db, -200, 0, "dB")
         check_number("chassis.distance", self.distance, 1e-3, 100, "m")
 
     def path_lengths(self, radar: Radar) -> FloatArray:
-        """(tx, rx) by way of the mirror image of each Tx element [m]."""
+        """(tx, rx) distance of the image of each Tx element [m]."""
         image = radar.tx_positions * [-1.0, 1.0, 1.0] + [2 * self.distance, 0.0, 0.0]
         return np.asarray(np.linalg.norm(image[:, None] - radar.rx_positions[None], axis=-1))
 
 
 @dataclass(frozen=True)
 class RangeBias:
-    """A delay in cables and feeds that everything shares: targets appear that much further away."""
+    """Common delay of cables and feeds, as a distance that ranges appear too far."""
 
     distance: float
-    """[m]; real boards show 0.06 to 0.07."""
+    """[m]; 0.06 to 0.07 for real boards."""
 
     def __post_init__(self) -> None:
         check_number("range_bias.distance", self.distance, -1, 10, "m")
@@ -72,10 +72,8 @@ class RangeBias:
     def phasor(self, radar: Radar) -> ComplexArray:
         """(sample,) factor that adds the delay tau_b to every path.
 
-        The factor is exact but for the cross term exp(-j 2 pi mu tau tau_b) of a path of delay tau. That is a
-        constant phase of at most 2 pi tau_b times the beat frequency, 0.7 degrees at the end of a 4.4 MHz range window,
-        proportional to range and the same for every chirp: neither range nor angle change, and velocity by
-        mu tau_b / f_0 of itself (3e-7).
+        The cross term exp(-j 2 pi mu tau tau_b) of a path of delay tau is left out, a constant phase of 2 pi tau_b
+        times the beat frequency, the same for every chirp. It changes velocities by mu tau_b / f_0, relative.
         """
         return tone(radar, radar.waveform.sample_times, np.asarray(self.delay))
 
@@ -90,7 +88,7 @@ def tone(radar: Radar, times: FloatArray, delay: FloatArray) -> ComplexArray:
 
 @dataclass(frozen=True)
 class StaticPath:
-    """A path of the device itself."""
+    """Path of the device itself."""
 
     amplitude: float
     """[sqrt(W)]"""
@@ -101,13 +99,7 @@ class StaticPath:
 def static_paths(
     radar: Radar, leakage: Leakage | None, chassis: Chassis | None, bias: RangeBias | None
 ) -> list[StaticPath]:
-    """Leakage and chassis reflection with the delay that they share with the scene.
-
-    Raises
-    ------
-    ValueError
-        If one lies beyond the range window.
-    """
+    """Leakage and chassis reflection, with the range bias; one beyond the range window is a ValueError."""
     paths = []
     for name, source in (("leakage.extra_length", leakage), ("chassis.distance", chassis)):
         if source is None:
@@ -115,8 +107,8 @@ def static_paths(
         length = source.path_lengths(radar)
         if length.max() > 2 * radar.max_range:
             raise ValueError(
-                f"{name} makes a path of {length.max():.2f} m; the range window of radar '{radar.name}' ends at "
-                f"{2 * radar.max_range:.2f} m there and back"
+                f"{name} makes a path of {length.max():.2f} m; the range window of radar '{radar.name}' ends at a path "
+                f"of {2 * radar.max_range:.2f} m"
             )
         power = 1e-3 * 10.0 ** ((radar.tx_power_dbm + source.level_db) / 10)
         delay = length / SPEED_OF_LIGHT + (0.0 if bias is None else bias.delay)

@@ -1,4 +1,4 @@
-"""Checks of the numbers that a receiver is configured with."""
+"""Checks of the numbers of a receiver's configuration."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.radar.profile import is_number
 
 
 def check_number(what: str, value: Any, low: float, high: float, unit: str) -> None:
-    """Raise unless `value` is a finite number in `low` … `high`."""
-    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    if not (number and np.isfinite(value) and low <= value <= high):
+    """Raise a ValueError unless `value` is a finite number in `low` … `high`."""
+    if not (is_number(value) and low <= value <= high):
         raise ValueError(f"{what} is {value!r}: a value in {low:g} … {high:g}{unit and ' '}{unit} is needed")
 
 
 def check_numbers(what: str, values: Any, low: float, high: float, unit: str) -> tuple[float, ...]:
-    """`values` as a tuple of floats, each of them checked."""
+    """`values` as a tuple of checked floats."""
     if isinstance(values, str) or not np.iterable(values):
         raise ValueError(f"{what} is {values!r}: a list of values in {low:g} … {high:g} {unit} is needed")
     for index, value in enumerate(values):
@@ -26,7 +26,7 @@ def check_numbers(what: str, values: Any, low: float, high: float, unit: str) ->
 
 
 def number_or_numbers(what: str, value: Any, low: float, high: float, unit: str) -> float | tuple[float, ...]:
-    """One number for all elements, or one for each; checked."""
+    """Checked number for all elements, or numbers for each."""
     if np.iterable(value) and not isinstance(value, str):
         return check_numbers(what, value, low, high, unit)
     check_number(what, value, low, high, unit)
@@ -34,13 +34,7 @@ def number_or_numbers(what: str, value: Any, low: float, high: float, unit: str)
 
 
 def per_element(what: str, value: float | tuple[float, ...], names: tuple[str, ...]) -> FloatArray:
-    """(element,) from one number for all elements or one for each.
-
-    Raises
-    ------
-    ValueError
-        If there is another number of values than of elements.
-    """
+    """(element,) from one number for all elements or one for each; another number of values is a ValueError."""
     values = np.asarray(value, dtype=np.float64)
     if values.ndim and len(values) != len(names):
         raise ValueError(f"{what} has {len(values)} values: one, or one for each of {', '.join(names)}, is needed")

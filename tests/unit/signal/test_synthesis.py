@@ -12,7 +12,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import ElementPattern, Radar
 from rfgen_sionna.records import PathKind, RadarPaths
 from rfgen_sionna.signal import add_thermal_noise, noise_power, synthesize
-from rfgen_sionna.signal.synthesis_checks import check_synthesis
+from rfgen_sionna.signal.synthesis import check_synthesis
 from tests.reference.direct_sum import direct_sum
 
 ISOTROPIC = ElementPattern(0.0)

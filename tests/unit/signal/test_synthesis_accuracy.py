@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from rfgen_sionna.frame_loop import MIN_EPS, TOLERANCE_SHARE, required_eps
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.signal import synthesize
-from rfgen_sionna.signal.synthesis_accuracy import MIN_EPS, TOLERANCE_SHARE, required_eps
 from rfgen_sionna.simulation import Simulator
 
 
@@ -73,5 +73,5 @@ def test_sums_are_as_accurate_as_the_weakest_object_asks_for(radar):
     (both,) = traced(radar, [ball(), plate()], 1e-2).changing()
     assert MIN_EPS <= required_eps(radar, both, 1e-2) < 0.1 * required_eps(radar, alone, 1e-2)
     # What stays in the world shares one tolerance.
-    assert required_eps(radar, both, 1e-2, still=2) == pytest.approx(TOLERANCE_SHARE * 1e-2, rel=0.7)
+    assert required_eps(radar, both, 1e-2, num_static=2) == pytest.approx(TOLERANCE_SHARE * 1e-2, rel=0.7)
     assert required_eps(radar, both.select(np.zeros(0, np.intp)), 1e-2) == TOLERANCE_SHARE * 1e-2

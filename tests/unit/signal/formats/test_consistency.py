@@ -197,4 +197,4 @@ def test_bytes_after_an_array_s_end(tmp_path: Path) -> None:
     write_capture(lsb_cube(RADARS["rfgenesis"], 2, 1000), tmp_path, "rfgenesis")
     with (tmp_path / "radar_frames.npy").open("ab") as stream:
         stream.write(bytes(700))
-    refused_but_readable(tmp_path, "700 bytes after its 2 frames")
+    refused_but_readable(tmp_path, "700 bytes are too many")

@@ -110,7 +110,7 @@ def test_what_the_board_cannot_do_is_refused(tmp_path: Path) -> None:
         write_capture(cube_of(odd), tmp_path, "dca1000")
     with pytest.raises(CaptureFormatError, match="sets slot_starts or loop_time"):
         write_capture(cube_of(SLOTTED["near_far"].of_profile(1)), tmp_path, "dca1000")
-    with pytest.raises(CaptureFormatError, match=r"slots of its own \(bpm, 1 profiles\)"):
+    with pytest.raises(CaptureFormatError, match="has bpm slots of 1 profiles"):
         write_capture(cube_of(radar), tmp_path, "rfgenesis")
     doppler = shortened("position2go", "doppler", 8, 16)
     down = replace(doppler, waveform=replace(doppler.waveform, slope=-0.6e12))
@@ -120,7 +120,7 @@ def test_what_the_board_cannot_do_is_refused(tmp_path: Path) -> None:
     long = Radar.load("awr1843", "ddm")
     slow = replace(long.waveform, slots=(Slot((0.0, 0.0, 0.0), 0, (0.0, 5.625 / 3, 90.0)),), num_loops=1024)
     turning = cube_of(replace(long, waveform=replace(slow, num_samples=2)))
-    with pytest.raises(CaptureFormatError, match=r"come round after \d+ loops.*device has 512"):
+    with pytest.raises(CaptureFormatError, match=r"repeat after \d+ loops.*device has 512"):
         write_capture(turning, tmp_path, "dca1000")
 
 

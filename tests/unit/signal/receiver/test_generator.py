@@ -7,8 +7,8 @@ import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.signal import Leakage, PhaseNoise, RampError, Receiver, receive
-from rfgen_sionna.signal.random_streams import frame_stream
-from rfgen_sionna.signal.receiver.gap_filling import gap_length
+from rfgen_sionna.signal.noise import frame_stream
+from rfgen_sionna.signal.receiver.delay_phase_errors import gap_length
 
 IDEAL = Receiver.ideal()
 BENT = RampError(polynomial_hz=(5e4, 2e5, -3e5), sine_hz=2e5, sine_frequency_hz=1e5, sine_phase_deg=40)
