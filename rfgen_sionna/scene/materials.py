@@ -134,19 +134,18 @@ class Material:
         return np.asarray(-self.relative_permittivity(values).imag * 2.0 * np.pi * values * epsilon_0)
 
     def check(self, frequency: ArrayLike, owner: str = "") -> None:
-        """Raise a `MaterialError` where a frequency [Hz] is not covered; `owner` is the object named in it."""
+        """Raise :class:`MaterialError` at a frequency [Hz] that is not covered; `owner` names the object."""
         for value in _frequencies(frequency).ravel():
             if not self.covers(float(value)):
                 others = sorted(name for name, each in MATERIALS.items() if each.covers(float(value)))
                 raise MaterialError(
                     f"{_prefix(owner)}material {self.name!r} is not defined at {value / 1e9:g} GHz, its source covers "
                     f'{self.describe_ranges()}; take material({self.name!r}, outside="extrapolate") or "clamp", of '
-                    "rfgen_sionna.scene, or another material: "
-                    f"{', '.join(others)} are defined there"
+                    f"rfgen_sionna.scene, or another material: {', '.join(others)} are defined there"
                 )
 
     def describe_ranges(self) -> str:
-        """The covered frequencies as text."""
+        """Covered frequencies as text."""
         return ", ".join(f"{low / 1e9:g}-{high / 1e9:g} GHz" for low, high in self.valid_ranges_hz)
 
 
@@ -163,48 +162,33 @@ def canonical_name(name: str) -> str:
     return ALIASES.get(key, key)
 
 
-def material(name: str, frequency: float | None = None, outside: Outside = "extrapolate", owner: str = "") -> Material:
+def material(name: str, *, outside: Outside = "extrapolate", owner: str = "") -> Material:
     """A material of the table.
 
     Args:
         name: a name or alias, with or without Sionna's prefixes.
-        frequency: frequency [Hz] to check: with "raise" an uncovered one is an error, else a warning. None checks none.
         outside: policy at frequencies that the source does not cover.
         owner: object of the material, for messages.
 
     Raises:
-        MaterialError: unknown name, unknown policy, or (with "raise") an uncovered frequency.
+        MaterialError: unknown name or policy.
         TypeError: `name` is no text.
     """
-    if not isinstance(name, str):
-        raise TypeError(
-            f"{_prefix(owner)}material: {name!r} given, the name of a material is needed; {_choices(frequency)}"
-        )
     _check_policy(outside)
+    if not isinstance(name, str):
+        raise TypeError(f"{_prefix(owner)}material: {name!r} given, the name of a material is needed; {_choices()}")
     key = canonical_name(name)
     if key not in MATERIALS:
         close = get_close_matches(key, [*MATERIALS, *ALIASES], n=1)
         hint = f", did you mean {close[0]!r}?" if close else ""
         shown = "no material given" if not name.strip() else f"unknown material {name!r}{hint}"
-        raise MaterialError(f"{_prefix(owner)}{shown}; {_choices(frequency)}")
-    found = replace(MATERIALS[key], outside=outside)
-    if frequency is not None:
-        if outside == "raise":
-            found.check(frequency, owner)
-        elif not found.covers(float(_frequencies(frequency))):
-            warn_uncovered([found], float(frequency), stacklevel=3)
-    return found
+        raise MaterialError(f"{_prefix(owner)}{shown}; {_choices()}")
+    return replace(MATERIALS[key], outside=outside)
 
 
-def _choices(frequency: float | None) -> str:
-    """List of the materials and their ranges, or of those defined at a `frequency` [Hz] and elsewhere."""
-    if frequency is None:
-        return (
-            f"known are {', '.join(f'{name} ({each.describe_ranges()})' for name, each in sorted(MATERIALS.items()))}"
-        )
-    there = sorted(name for name, each in MATERIALS.items() if each.covers(float(frequency)))
-    others = sorted(set(MATERIALS) - set(there))
-    return f"known at {frequency / 1e9:g} GHz are {', '.join(there)}, and at others {', '.join(others)}"
+def _choices() -> str:
+    """List of the materials and their ranges."""
+    return f"known are {', '.join(f'{name} ({each.describe_ranges()})' for name, each in sorted(MATERIALS.items()))}"
 
 
 def warn_uncovered(materials: list[Material], frequency: float, stacklevel: int = 2) -> None:

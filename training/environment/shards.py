@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
@@ -26,7 +26,7 @@ from rfgen_sionna.generative.environment.viewpoints import (
 from rfgen_sionna.pir.projection import check_fov
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
-from rfgen_sionna.scene.furnished import furnished
+from rfgen_sionna.scene.furnished import FurnishedScene, Layout, furnished
 from rfgen_sionna.scene.furnished.layout import Ground
 from rfgen_sionna.scene.mesh_actor import MeshActor
 from training.environment.pir_data import (
@@ -171,7 +171,7 @@ def render_layout(settings: Settings, number: int, views: int) -> list[dict[str,
     scene.frequency = radar.center_frequency  # what the materials' sources cover is told once, not for each layout
     renderer, rng = PlaceRenderer(scene, radar), np.random.default_rng([layout, 1])
     built = PrimitiveScene.of(scene)
-    coarse = PlaceRenderer(scene.simplified(rng, MISSING), radar) if settings.kind == "pairs" else None
+    coarse = PlaceRenderer(coarse_model(scene, rng, MISSING), radar) if settings.kind == "pairs" else None
     found = []
     for view in range(views):
         view_seed = settings.views * layout + view
@@ -286,6 +286,29 @@ def _complete(command: str) -> dict[str, Any]:
     return {**usual, **said, "ranges": {**usual["ranges"], **said.get("ranges", {})}}
 
 
+def coarse_model(scene: FurnishedScene, rng: np.random.Generator, missing: tuple[float, float]) -> FurnishedScene:
+    """A furnished place without a random share (between two limits) of its furniture, of smooth concrete and wood."""
+    layout = scene.layout
+    count = round(float(rng.uniform(*missing)) * len(layout.items))
+    gone = set(rng.choice(len(layout.items), count, replace=False).tolist()) if count else set()
+    kept = tuple(item for i, item in enumerate(layout.items) if i not in gone)
+    parts = [
+        (kind, name, part.of("plain concrete" if owner < 0 else "plain wood"))
+        for (kind, name, part), owner in zip(scene.parts, scene.owners, strict=True)
+        if owner not in gone
+    ]
+    owners = [owner for owner in scene.owners if owner not in gone]
+    return FurnishedScene(replace(layout, items=kept), parts, owners, scene.surface_frequency)
+
+
+def _is_clear(layout: Layout, ground: Ground) -> bool:
+    """Whether a box lies within the place and overlaps no piece."""
+    low, high = ground.corners.min(axis=0), ground.corners.max(axis=0)
+    if low[0] < layout.x[0] or high[0] > layout.x[1] or low[1] < layout.y[0] or high[1] > layout.y[1]:
+        return False
+    return not any(ground.meets(item.ground) for item in layout.items)
+
+
 def place_person(renderer: PlaceRenderer, viewpoint: Viewpoint, rng: np.random.Generator) -> tuple[float, float] | None:
     """A free spot on the floor in view of the radar (x, y) [m], or None."""
     layout = renderer.scene.layout
@@ -294,7 +317,7 @@ def place_person(renderer: PlaceRenderer, viewpoint: Viewpoint, rng: np.random.G
         angle = viewpoint.yaw + np.radians(viewpoint.fov_deg) * rng.uniform(-0.35, 0.35)
         x, y = viewpoint.position[0] + distance * np.cos(angle), viewpoint.position[1] + distance * np.sin(angle)
         spot = Ground(x, y, PERSON_WIDTH, PERSON_WIDTH, 0.0, 0.05, 2.0)
-        if not layout.clear(spot):
+        if not _is_clear(layout, spot):
             continue
         head = np.array([[x, y, 1.3], [x, y, 0.6]])
         if not renderer.rays.occluded(viewpoint.position, head).any():

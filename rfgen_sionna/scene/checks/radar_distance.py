@@ -100,7 +100,6 @@ def check_radar_clear(
     scene: RadarScene | None,
     actors: Sequence[Obstacle] = (),
     t: float = 0.0,
-    clearance: float = CLEARANCE,
 ) -> None:
     """Check the free space around a radar at time `t` [s].
 
@@ -112,16 +111,15 @@ def check_radar_clear(
         scene: static surroundings; None is free space.
         actors: moving meshes.
         t: time [s].
-        clearance: needed free distance [m].
 
     Raises:
-        SceneError: the radar is inside an object, or nearer to its surface than `clearance`.
+        SceneError: the radar is inside an object, or nearer to its surface than :data:`CLEARANCE`.
     """
     place = np.asarray(position, np.float64)
     bodies = [(body.name, body.vertices(t), body.faces) for body in map(surface_of, actors)]
     for name, vertices, faces in bodies:
         what = f"actor {name!r} at t = {t:g} s"
-        _check_gap(place, what, vertices, faces, clearance)
+        _check_gap(place, what, vertices, faces)
         if _surrounds(place, vertices, faces) != 0.0:
             extent = float(np.ptp(vertices, axis=0).max())
             units = (
@@ -133,7 +131,7 @@ def check_radar_clear(
     centres = [vertices.mean(axis=0) for _, vertices, _ in bodies]
     for item in scene.objects if scene else ():
         what = f"{item.name!r} ({item.material})"
-        _check_gap(place, what, item.vertices, item.faces, clearance)
+        _check_gap(place, what, item.vertices, item.faces)
         if _surrounds(place, item.vertices, item.faces) > 0.0 and not _is_room(
             place, item.vertices, item.faces, centres
         ):
@@ -163,15 +161,15 @@ def _is_room(place: FloatArray, vertices: FloatArray, faces: IntArray, centres: 
     return any(inside) if inside else distance(place, vertices, faces) > ROOM_RADIUS
 
 
-def _check_gap(place: FloatArray, what: str, vertices: FloatArray, faces: IntArray, clearance: float) -> None:
+def _check_gap(place: FloatArray, what: str, vertices: FloatArray, faces: IntArray) -> None:
     corners = vertices[faces.ravel()]
-    if (place < corners.min(axis=0) - clearance).any() or (place > corners.max(axis=0) + clearance).any():
+    if (place < corners.min(axis=0) - CLEARANCE).any() or (place > corners.max(axis=0) + CLEARANCE).any():
         return
     gap = distance(place, vertices, faces)
-    if gap < clearance:
+    if gap < CLEARANCE:
         raise SceneError(
             f"radar position {point_text(place)} m is {1e3 * gap:.3g} mm from the surface of {what}, it needs "
-            f"{1e3 * clearance:g} mm of free space"
+            f"{1e3 * CLEARANCE:g} mm of free space"
         )
 
 

@@ -1,4 +1,4 @@
-"""Which places there are, and making one."""
+"""Furnished places by name."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _MAKERS: Mapping[str, tuple[Callable[[np.random.Generator], Plan], bool]] = Mapp
         "open field": (open_field, False),
     }
 )
-"""Place -> (what furnishes it, whether it is indoors)."""
+"""Place to its maker and whether it is indoors."""
 
 PLACES: tuple[str, ...] = tuple(_MAKERS)
 """Names of all places."""
@@ -39,17 +39,17 @@ PLACES: tuple[str, ...] = tuple(_MAKERS)
 def furnished(place: str, seed: int = 0, frequency: float = 77e9) -> FurnishedScene:
     """A furnished place, a scene for :class:`~rfgen_sionna.simulation.Simulator`.
 
-    The floor is z = 0. A radar at (0, 0, 1) that looks along +x sees somebody at (3, 0, 0); the floor is free for 1.2 m
-    < x < 4.3 m and \\|y\\| < 1.2 m (less in a narrow corridor).
+    The floor is z = 0, free for a radar at (0, 0, 1) that points along +x and a person at 1.2 m < x < 4.3 m,
+    \\|y\\| < 1.2 m (less in a narrow corridor).
 
     Parameters
     ----------
     place
         One of :data:`PLACES`, in any spelling: "living room", "a living_room".
     seed
-        Sizes, furniture, finishes and where all stands: the same seed gives the same place.
+        Seed of sizes, furniture, finishes and positions.
     frequency
-        What the surfaces' scattering coefficients are for [Hz]: rough ones are mirrors at low frequencies.
+        Frequency of the surfaces' scattering coefficients [Hz].
 
     Raises
     ------
@@ -71,12 +71,12 @@ def furnished(place: str, seed: int = 0, frequency: float = 77e9) -> FurnishedSc
 
 
 def place_name(place: str) -> str:
-    """The name in :data:`PLACES` that a text means.
+    """Name in :data:`PLACES` of a text.
 
     Raises
     ------
     SceneError, TypeError
-        It means none, or is no text.
+        There is no such place, or `place` is no text.
     """
     if not isinstance(place, str):
         raise TypeError(f"place: {type(place).__name__} given, one of {', '.join(PLACES)} is needed")
@@ -84,9 +84,8 @@ def place_name(place: str) -> str:
     while words and words[0] in ("a", "an", "the", "in", "furnished"):
         words = words[1:]
     name = " ".join(words)
-    name = {"laboratory": "lab", "field": "open field", "livingroom": "living room", "hallway": "corridor"}.get(
-        name, name
-    )
+    aliases = {"laboratory": "lab", "field": "open field", "livingroom": "living room", "hallway": "corridor"}
+    name = aliases.get(name, name)
     if name not in PLACES:
         raise SceneError(f"unknown place {place!r}; there are {', '.join(PLACES)}")
     return name

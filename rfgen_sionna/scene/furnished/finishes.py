@@ -1,10 +1,9 @@
-"""Finishes of furnished places: material, thickness of the slab, and roughness of the surface.
+"""Finishes of furnished places: material, thickness of the slab, roughness of the surface.
 
-Roughness decides between mirror and matt: of the energy that a surface with height deviation h [m, root mean square]
-reflects at normal incidence, exp(-(4 pi h / lambda)^2) stays coherent (Ament, Proc. IRE 41 (1953) 142; Beckmann and
-Spizzichino, The Scattering of Electromagnetic Waves from Rough Surfaces, 1963). Sionna's scattering coefficient S is
-the square root of the rest. At 77 GHz a quarter of a millimetre is half matt. The heights below are assumptions of this
-project for common finishes: no table for interiors in the millimetre-wave bands is at hand.
+A surface of height deviation h [m, root mean square] reflects a share exp(-(4 pi h / lambda)^2) of its energy
+coherently at normal incidence (Ament, Proc. IRE 41 (1953) 142; Beckmann and Spizzichino, The Scattering of
+Electromagnetic Waves from Rough Surfaces, 1963). Sionna's scattering coefficient S is the square root of the rest. The
+heights below are assumptions for common finishes.
 """
 
 from __future__ import annotations
@@ -26,9 +25,9 @@ class Finish:
     material: str
     """Name in :data:`~rfgen_sionna.scene.materials.MATERIALS`."""
     thickness: float | None
-    """Thickness of the slab behind the surface [m]; None for a body of which only the front reflects."""
+    """Thickness of the slab behind the surface [m]; None for a half-space."""
     roughness: float
-    """Root mean square of the height [m], at the scale of the wavelength and below."""
+    """Root mean square of the height [m]."""
     colour: tuple[float, float, float]
     """Red, green, blue, 0 … 1, for pictures."""
 
@@ -73,7 +72,7 @@ FINISHES: Mapping[str, Finish] = MappingProxyType(
         "car paint": _finish("metal", 0.001, 0.05, (0.15, 0.28, 0.55)),
         "rubber": _finish("rubber", None, 0.35, (0.08, 0.08, 0.08)),
         "cardboard": _finish("wood", 0.005, 0.25, (0.72, 0.56, 0.36)),
-        # what stands for anything where nobody said
+        # simplified places
         "plain concrete": _finish("concrete", None, 0.2, (0.7, 0.7, 0.7)),
         "plain wood": _finish("wood", None, 0.2, (0.6, 0.5, 0.4)),
         # outdoors
@@ -93,12 +92,12 @@ FINISHES: Mapping[str, Finish] = MappingProxyType(
 
 
 def scattering_coefficient(roughness: float, frequency: float) -> float:
-    """Sionna's S of a surface of a height [m, root mean square] at a frequency [Hz], at normal incidence."""
+    """Sionna's S at normal incidence, from the height [m, root mean square] and the frequency [Hz]."""
     return float(np.sqrt(-np.expm1(-((4 * np.pi * roughness * frequency / SPEED_OF_LIGHT) ** 2))))
 
 
 def surface_material(finish: str, frequency: float) -> Material:
-    """The material of a finish, with the thickness it has and the scattering coefficient it has at `frequency` [Hz]."""
+    """Material of a finish, with its thickness and its scattering coefficient at `frequency` [Hz]."""
     found = FINISHES[finish]
     return replace(
         material(found.material),

@@ -1,10 +1,10 @@
-"""A furnished place as the tracer takes it."""
+"""A furnished place as a scene."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -20,12 +20,12 @@ from rfgen_sionna.scene.mesh import face_normals, lengths
 from rfgen_sionna.scene.scene import Interior, RadarScene, StaticObject
 
 CEILING_OF_THE_SKY = 30.0
-"""Height [m] up to which a radar may stand outdoors."""
+"""Height of the free space outdoors [m]; above any tree and roof."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout drawn from a seed."""
+    """Layout of a place, drawn from a seed."""
 
     place: str
     seed: int
@@ -33,32 +33,20 @@ class Layout:
     """Extent of the floor [m]."""
     y: tuple[float, float]
     height: float
-    """Height of the ceiling [m]; outdoors of the highest piece."""
+    """Height of the ceiling [m]; outdoors that of the highest piece."""
     indoors: bool
     items: tuple[Item, ...]
-    """The furniture, with places and sizes."""
-    surroundings: tuple[str, ...]
-    """Walls, floor, doors, windows: by name, in the order of their objects."""
-    free: tuple[Ground, ...]
-    """Ground kept free for a radar and a person in front of it, and in front of doors and windows."""
+    """Furniture with positions and sizes."""
     stand: tuple[tuple[float, float], tuple[float, float]]
-    """Place for a radar: x and y, from and to [m]. Indoors anywhere; not in the gardens of a street."""
+    """Ranges of x and y for a radar [m]: the whole room, or the street without its gardens."""
 
     @property
     def kinds(self) -> dict[str, int]:
         """Number of pieces of each kind of furniture."""
         return dict(Counter(item.kind for item in self.items))
 
-    def clear(self, ground: Ground) -> bool:
-        """Whether a box lies within the place and meets no piece."""
-        low, high = ground.corners.min(axis=0), ground.corners.max(axis=0)
-        if low[0] < self.x[0] or high[0] > self.x[1] or low[1] < self.y[0] or high[1] > self.y[1]:
-            return False
-        return not any(ground.meets(item.ground) for item in self.items)
-
     def is_free(self, x: float, y: float, z: float, margin: float = 0.3) -> bool:
-        """Whether a point [m] lies within the place, under its ceiling where it has one, and no piece comes closer than
-        `margin` [m] on the floor plan at its height."""
+        """Whether a point [m] lies within the place and below its ceiling, at least `margin` [m] from all pieces."""
         if self.indoors and z > self.height - margin:
             return False
         if not (self.x[0] + margin <= x <= self.x[1] - margin and self.y[0] + margin <= y <= self.y[1] - margin):
@@ -68,22 +56,22 @@ class Layout:
 
 
 class FurnishedScene(RadarScene):
-    """The static surroundings of a furnished place; made by :func:`~rfgen_sionna.scene.furnished.furnished`.
+    """Scene of :func:`~rfgen_sionna.scene.furnished.furnished`: a :class:`~rfgen_sionna.scene.RadarScene` of arrays.
 
-    A :class:`~rfgen_sionna.scene.RadarScene` whose objects are at hand as arrays. Its Sionna scene, for Sionna's own
-    solvers and pictures, is made when `sionna` is first read; the tracer does without.
+    The first access to `sionna` makes its Sionna scene, which the tracer does not need.
     """
 
     def __init__(self, layout: Layout, parts: list[tuple[str, str, Part]], owners: list[int], frequency: float) -> None:
         super().__init__(f"{layout.place} {layout.seed}")
         self.layout = layout
-        """Sizes, furniture and what else the seed decided."""
         self.surface_frequency = frequency
-        """Frequency [Hz] that the scattering coefficients are for."""
-        self._parts = parts
-        self._owners = owners
+        """Frequency of the scattering coefficients [Hz]."""
+        self.parts = parts
+        """Kind, name and part of each object."""
+        self.owners = owners
+        """(object,) index of its item, -1 for the shell."""
         self.kinds: tuple[str, ...] = tuple(kind for kind, _, _ in parts)
-        """(object,) what each object is, or belongs to: "sofa", "far wall"."""
+        """(object,) kind of each object, or of its piece: "sofa", "far wall"."""
 
     @property
     def is_free_space(self) -> bool:
@@ -94,16 +82,15 @@ class FurnishedScene(RadarScene):
         """Walls, floor, doors and windows: kind and points (vertex, 3) [m] of each part."""
         return tuple(
             (kind, np.asarray(part.points, np.float64))
-            for (kind, _, part), owner in zip(self._parts, self._owners, strict=True)
+            for (kind, _, part), owner in zip(self.parts, self.owners, strict=True)
             if owner < 0
         )
 
     @cached_property
     def finishes(self) -> dict[str, str]:
-        """Main finish of each kind of object, by the names of
-        :data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`."""
+        """Finish of the largest area of each kind of object."""
         areas: dict[str, dict[str, float]] = {}
-        for kind, _, part in self._parts:
+        for kind, _, part in self.parts:
             own = areas.setdefault(kind, {})
             own[part.finish] = own.get(part.finish, 0.0) + float(lengths(face_normals(part.points, part.faces)).sum())
         return {kind: max(found, key=found.__getitem__) for kind, found in areas.items()}
@@ -117,17 +104,17 @@ class FurnishedScene(RadarScene):
     @cached_property
     def objects(self) -> tuple[StaticObject, ...]:
         materials = {
-            name: surface_material(name, self.surface_frequency) for name in {p.finish for _, _, p in self._parts}
+            name: surface_material(name, self.surface_frequency) for name in {p.finish for _, _, p in self.parts}
         }
         return tuple(
             StaticObject(name, materials[part.finish], np.asarray(part.points, np.float64), part.faces)
-            for _, name, part in self._parts
+            for _, name, part in self.parts
         )
 
     @cached_property
     def colours(self) -> FloatArray:
         """(object, 3) red, green, blue of each object, 0 … 1."""
-        return np.array([FINISHES[part.finish].colour for _, _, part in self._parts])
+        return np.array([FINISHES[part.finish].colour for _, _, part in self.parts])
 
     def tune(self, frequency: float) -> None:
         if not (np.isfinite(frequency) and frequency > 0.0):
@@ -139,31 +126,14 @@ class FurnishedScene(RadarScene):
         self.frequency = float(frequency)
         warn_uncovered([item.properties for item in self.objects], frequency, stacklevel=2)
 
-    def simplified(self, rng: np.random.Generator, missing: tuple[float, float]) -> FurnishedScene:
-        """The same place as a hasty modeller would have it: without a random share of the furniture (between two
-        limits), walls and floor of smooth concrete, all else of smooth wood."""
-        layout = self.layout
-        count = round(float(rng.uniform(*missing)) * len(layout.items))
-        gone = set(rng.choice(len(layout.items), count, replace=False).tolist()) if count else set()
-        kept = tuple(item for i, item in enumerate(layout.items) if i not in gone)
-        parts = []
-        for i, (kind, name, part) in enumerate(self._parts):
-            owner = self._owners[i]
-            if owner not in gone:
-                parts.append((kind, name, part.of("plain concrete" if owner < 0 else "plain wood")))
-        owners = [owner for owner in self._owners if owner not in gone]
-        return FurnishedScene(replace(layout, items=kept), parts, owners, self.surface_frequency)
-
     @cached_property
     def sionna(self) -> Any:
-        """The same place as a `sionna.rt.Scene`."""
-        from rfgen_sionna.scene.furnished.furnished_scene import to_sionna
-
-        return to_sionna(self.objects, self.colours, self.frequency or self.surface_frequency)
+        """The place as a `sionna.rt.Scene`."""
+        return _to_sionna(self.objects, self.colours, self.frequency or self.surface_frequency)
 
 
 def assemble(place: str, seed: int, plan: Plan, indoors: bool, frequency: float) -> FurnishedScene:
-    """The scene of a plan: an object for each finish of each piece."""
+    """Scene of a plan, with an object for each finish of each piece."""
     parts: list[tuple[str, str, Part]] = []
     owners: list[int] = []
     counts: Counter[str] = Counter()
@@ -179,12 +149,9 @@ def assemble(place: str, seed: int, plan: Plan, indoors: bool, frequency: float)
 
     for kind, part in plan.shell:
         add(kind, [part], -1)
-    shell = tuple(kind for kind, _, _ in parts)
     for number, item in enumerate(plan.items):
         add(item.kind, merge(item.parts), number)
-    layout = Layout(
-        place, seed, plan.x, plan.y, plan.height, indoors, tuple(plan.items), shell, tuple(plan.free), plan.stand
-    )
+    layout = Layout(place, seed, plan.x, plan.y, plan.height, indoors, tuple(plan.items), plan.stand)
     return FurnishedScene(layout, parts, owners, frequency)
 
 
@@ -193,12 +160,8 @@ def _with_area(points: FloatArray, faces: IntArray) -> IntArray:
     return np.ascontiguousarray(faces[area > 1e-12])
 
 
-def to_sionna(objects: Sequence[StaticObject], colours: FloatArray, frequency: float) -> Any:
-    """A `sionna.rt.Scene` of some objects, at a carrier frequency [Hz].
-
-    Raises:
-        BackendError: Mitsuba cannot run here.
-    """
+def _to_sionna(objects: Sequence[StaticObject], colours: FloatArray, frequency: float) -> Any:
+    """A `sionna.rt.Scene` of objects with colours (object, 3) at a carrier frequency [Hz]."""
     from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 
     ensure_backend()

@@ -1,4 +1,4 @@
-"""Placement of pieces on a floor plan, without overlaps, with free space for a radar and a person."""
+"""Placement of pieces on a floor plan without overlaps, with free space for a radar and a person."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from rfgen_sionna.scene.furnished.piece import Piece
 from rfgen_sionna.scene.furnished.shapes import Part
 
 Wall = Literal["far", "near", "left", "right"]
-"""Sides of a place, seen by a radar that looks along +x: far is high x, left is high y."""
+"""Sides of a place for a radar that points along +x: far is high x, left is high y."""
 FACING: dict[Wall, float] = {"right": 0.0, "far": 90.0, "left": 180.0, "near": -90.0}
-"""Yaw [degrees] of a piece whose back is at a wall."""
+"""Yaw of a piece with its back to a wall [degrees]."""
 TRIES = 12
-"""Spots that are tried for a piece before it is left out."""
+"""Tried spots of a piece, which is then left out."""
 HEADROOM = 2.15
-"""Height up to which it is free where somebody stands [m]."""
+"""Height of the free space of a person [m]."""
 SLACK = 0.02
 """Least gap between pieces [m]."""
 
 
 @dataclass(frozen=True)
 class Ground:
-    """An upright box on the floor plan, turned about z."""
+    """An upright box on the floor plan, turned about z [m, degrees]."""
 
     x: float
     y: float
@@ -47,7 +47,7 @@ class Ground:
         return np.asarray(half @ [[c, s], [-s, c]] + (self.x, self.y))
 
     def meets(self, other: Ground, gap: float = 0.0) -> bool:
-        """Whether two boxes come closer than `gap` [m]; negative is how far they may reach into each other."""
+        """Whether two boxes are closer than `gap` [m]; a negative gap allows an overlap."""
         if self.bottom >= other.top - 1e-9 or other.bottom >= self.top - 1e-9:
             return False
         mine, theirs = self.corners, other.corners
@@ -73,32 +73,28 @@ class Item:
     size: tuple[float, float, float]
     """Width, depth and height [m]."""
     ground: Ground
-    """Its ground on the floor plan."""
     parts: tuple[Part, ...] = field(repr=False, compare=False)
-    """In the world [m], one of each finish."""
+    """One part of each finish, world frame [m]."""
 
 
 def person_space(half_width: float = 1.2) -> tuple[Ground, ...]:
-    """Ground free in every place: a radar at (0, 0), and a person who moves at 1.2 … 4.3 m in front of it."""
-    return (
-        Ground(0.45, 0.0, 1.5, 1.0, 0.0, 0.0, HEADROOM),
-        Ground(2.75, 0.0, 3.1, 2 * half_width, 0.0, 0.0, HEADROOM),
-    )
+    """Free ground of every place: a radar at (0, 0), and a person at 1.2 … 4.3 m in front of it."""
+    return (Ground(0.45, 0.0, 1.5, 1.0, 0.0, 0.0, HEADROOM), Ground(2.75, 0.0, 3.1, 2 * half_width, 0.0, 0.0, HEADROOM))
 
 
 class Plan:
-    """The floor plan of a place while it is being furnished.
+    """Floor plan of a place during its furnishing.
 
     Parameters
     ----------
     rng
-        What every decision comes from.
+        Random generator of all decisions.
     x, y
         Extent [m].
     height
-        Of the ceiling, or of the sky that matters [m].
+        Height of the ceiling, outdoors of the pieces [m].
     free
-        What must stay free.
+        Ground that stays free.
     """
 
     def __init__(
@@ -113,16 +109,16 @@ class Plan:
         self.x, self.y, self.height = x, y, height
         self.free = list(free)
         self.stand = (x, y)
-        """Allowed places of a radar: x and y, from and to [m]."""
+        """Ranges of x and y for a radar [m]."""
         self.items: list[Item] = []
         self.shell: list[tuple[str, Part]] = []
-        """Enclosing surfaces: name and part."""
+        """Names and parts of the enclosing surfaces."""
 
     def ground_of(self, thing: Piece, x: float, y: float, yaw: float) -> Ground:
         return Ground(x, y, thing.width, thing.depth, yaw, thing.bottom, thing.top)
 
     def fits(self, ground: Ground, within: bool = True) -> bool:
-        """Whether a box is inside of the place, out of what stays free, and apart from all pieces."""
+        """Whether a box lies in the place, off the free ground, and apart from all pieces."""
         if within:
             corners = ground.corners
             low, high = corners.min(axis=0), corners.max(axis=0)
@@ -133,7 +129,7 @@ class Plan:
         return not any(ground.meets(item.ground, SLACK) for item in self.items if not _flat(item))
 
     def put(self, thing: Piece, x: float, y: float, yaw: float, check: bool = True, within: bool = True) -> bool:
-        """Place a piece with its middle at (x, y) [m], its front turned by `yaw` [degrees] from +y; whether it fits."""
+        """Place a piece at (x, y) [m], its front turned by `yaw` [degrees] from +y; returns whether it fits."""
         ground = self.ground_of(thing, x, y, yaw)
         if check and not self.fits(ground, within):
             return False
@@ -149,7 +145,7 @@ class Plan:
         gap: float = 0.03,
         where: tuple[float, float] = (0.0, 1.0),
     ) -> Item | None:
-        """Place a piece with its back to one of some walls, at a random spot within a share of its length."""
+        """Place a piece with its back to one of `walls`, at a random spot of `where` as shares of the wall's length."""
         for wall in self.rng.permutation(np.array(walls)).tolist():
             for share in self.rng.uniform(*where, TRIES // 2 if len(walls) > 1 else TRIES):
                 if self.put(thing, *self.wall_spot(thing, wall, float(share), gap), FACING[wall]):
@@ -157,7 +153,7 @@ class Plan:
         return None
 
     def wall_spot(self, thing: Piece, wall: Wall, share: float, gap: float = 0.03) -> tuple[float, float]:
-        """Middle of a piece with its back at a wall, at a share of the wall's length."""
+        """Centre of a piece with its back to a wall, at a share of the wall's length."""
         along = self.x if wall in ("left", "right") else self.y
         low, high = along[0] + thing.width / 2 + gap, along[1] - thing.width / 2 - gap
         u, off = low + share * max(high - low, 0.0), gap + thing.depth / 2
@@ -168,7 +164,7 @@ class Plan:
         return (self.x[1] - off, u) if wall == "far" else (self.x[0] + off, u)
 
     def anywhere(self, thing: Piece) -> bool:
-        """Place a piece where it fits, turned at random."""
+        """Place a piece at a random free spot and yaw."""
         for _ in range(TRIES):
             turn = float(self.rng.uniform(0, 360))
             if self.put(thing, self.rng.uniform(*self.x), self.rng.uniform(*self.y), turn):
@@ -176,13 +172,12 @@ class Plan:
         return False
 
     def before(self, thing: Piece, item: Item, gap: float, yaw: float = 0.0, aside: float = 0.0) -> bool:
-        """Place a piece in front of another, `gap` [m] away and `aside` [m] to its left, turned relative to it."""
+        """Place a piece in front of another, `gap` [m] away and `aside` [m] to its right, at a relative `yaw`."""
         off = 0.5 * item.size[1] + gap + thing.depth / 2
-        x, y = from_item(item, aside, off)
-        return self.put(thing, x, y, item.yaw + yaw)
+        return self.put(thing, *from_item(item, aside, off), item.yaw + yaw)
 
     def group(self, things: Sequence[tuple[Piece, float, float, float]], x: float, y: float, yaw: float) -> bool:
-        """Place several pieces, or none: each with x, y [m] and yaw [degrees] relative to the group's."""
+        """Place all pieces of a group, or none; each has x, y [m] and yaw [degrees] relative to the group's."""
         c, s = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
         spots = [(thing, x + c * u - s * v, y + s * u + c * v, yaw + turn) for thing, u, v, turn in things]
         grounds = [self.ground_of(*spot) for spot in spots]
@@ -195,20 +190,20 @@ class Plan:
         return True
 
     def on_wall(self, thing: Piece, wall: Wall, tries: int = TRIES) -> bool:
-        """Hang a piece on a wall where nothing stands in its way."""
+        """Hang a piece on a wall at a free spot."""
         return any(
             self.put(thing, *self.wall_spot(thing, wall, float(self.rng.random()), 0.012), FACING[wall])
             for _ in range(tries)
         )
 
     def some(self, chance: float, make: Callable[[], Piece], put: Callable[[Piece], object]) -> None:
-        """With a chance, make a piece and place it."""
+        """Make and place a piece with a probability `chance`."""
         if self.rng.random() < chance:
             put(make())
 
 
 def from_item(item: Item, right: float, forward: float) -> tuple[float, float]:
-    """A spot on the floor relative to a piece: to the right of it as its own x runs, and in front of it [m]."""
+    """Position (x, y) [m] at offsets along a piece's own x (`right`) and y (`forward`) [m]."""
     c, s = np.cos(np.radians(item.yaw)), np.sin(np.radians(item.yaw))
     return float(item.x + c * right - s * forward), float(item.y + s * right + c * forward)
 

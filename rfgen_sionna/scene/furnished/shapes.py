@@ -1,4 +1,4 @@
-"""Shapes that furniture is made of: small triangle meshes as NumPy arrays, closed ones facing outwards."""
+"""Shapes of furniture: small triangle meshes; closed ones face outwards."""
 
 # ruff: noqa: RUF005  (arrays are added to tuples here, not joined)
 from __future__ import annotations
@@ -20,9 +20,9 @@ class Part:
     points: FloatArray
     """(vertex, 3) [m]."""
     faces: IntArray
-    """(face, 3), counter-clockwise seen from outside."""
+    """(face, 3), counter-clockwise from outside."""
     finish: str = ""
-    """Finish of its surface: a name of :data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`."""
+    """Name in :data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`."""
 
     def of(self, finish: str) -> Part:
         """The same shape with a finish."""
@@ -47,7 +47,7 @@ class Part:
 
 
 def joined(parts: Sequence[Part]) -> Part:
-    """One part of several; the finish is that of the first."""
+    """One part of several, with the finish of the first."""
     starts = np.cumsum([0] + [len(part.points) for part in parts[:-1]])
     return Part(
         np.concatenate([part.points for part in parts]),
@@ -81,12 +81,12 @@ def block(width: float, depth: float, height: float, x: float = 0.0, y: float = 
 
 
 def quad(corners: ArrayLike) -> Part:
-    """A rectangle of two triangles from four corners (4, 3) [m], counter-clockwise seen from its front."""
+    """A rectangle of two triangles from corners (4, 3) [m], counter-clockwise from its front."""
     return Part(np.asarray(corners, np.float64), np.array([(0, 1, 2), (0, 2, 3)], np.int32))
 
 
 def grid_faces(rows: int, columns: int, closed: bool = False) -> IntArray:
-    """Faces of a net of `rows` times `columns` points, whose last column joins the first where it is `closed`."""
+    """Faces of a net of `rows` times `columns` points; `closed` joins the last column to the first."""
     index = np.arange(rows * columns).reshape(rows, columns)
     if closed:
         index = np.concatenate([index, index[:, :1]], axis=1)
@@ -95,11 +95,8 @@ def grid_faces(rows: int, columns: int, closed: bool = False) -> IntArray:
 
 
 def loft(sections: ArrayLike) -> Part:
-    """A closed body through sections (section, point, 3) [m] of the same number of points, with flat fans as its ends.
-
-    Seen along the way from the first to the last section the points run counter-clockwise about it (the right-hand
-    rule).
-    """
+    """A closed body through sections (section, point, 3) [m], with fans as ends; the points turn by the right-hand rule
+    about the direction from the first to the last section."""
     rings = np.asarray(sections, np.float64)
     count, size = rings.shape[:2]
     around = np.arange(size)
@@ -148,7 +145,7 @@ def ring(radius: float, thickness: float, sections: int = 20, sides: int = 6) ->
 
 @lru_cache(maxsize=8)
 def _net(cells: int) -> tuple[FloatArray, IntArray]:
-    """A cube from -1 to 1 whose sides are nets of cells, denser towards the edges; edges are shared."""
+    """A cube from -1 to 1 of nets of cells, denser towards the shared edges."""
     steps = np.sin(0.5 * np.pi * np.linspace(-1.0, 1.0, cells + 1))
     plane = np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
     faces = grid_faces(cells + 1, cells + 1)[:, ::-1]
@@ -165,7 +162,7 @@ def _net(cells: int) -> tuple[FloatArray, IntArray]:
 
 
 def cushion(size: ArrayLike, radius: float, puff: float = 0.0, cells: int = 4) -> Part:
-    """A box [m] centred at the origin with rounded edges, its sides bulging out by `puff` [m]."""
+    """A box [m] about the origin with rounded edges and sides that bulge by `puff` [m]."""
     unit, faces = _net(cells)
     half = 0.5 * np.asarray(size, np.float64)
     radius = min(radius, float(half.min()))
@@ -187,7 +184,7 @@ def ball(radius: float, cells: int = 4) -> Part:
 
 
 def lump(size: ArrayLike, rng: np.random.Generator, rough: float = 0.15, cells: int = 6) -> Part:
-    """An uneven ellipsoid [m]: a bush, a stone, a heap; `rough` is the relative depth of its bumps."""
+    """An uneven ellipsoid [m] with bumps of relative depth `rough`: a bush, a stone, a heap."""
     unit, faces = _net(cells)
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
     waves = rng.normal(size=(6, 3)) * 3.0
@@ -196,7 +193,7 @@ def lump(size: ArrayLike, rng: np.random.Generator, rough: float = 0.15, cells: 
 
 
 def leaves(places: FloatArray, size: float, rng: np.random.Generator) -> Part:
-    """Flat square leaves of an edge [m] at places (leaf, 3) [m], each turned at random: open sheets."""
+    """Open square sheets of edge `size` [m] at places (leaf, 3) [m], turned at random."""
     along = rng.normal(size=(len(places), 3))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     across = np.cross(along, rng.normal(size=(len(places), 3)))

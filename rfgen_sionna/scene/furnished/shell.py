@@ -40,10 +40,7 @@ def enclose(
     ceiling: str | None = "ceiling",
     skirting: str | None = "wood",
 ) -> None:
-    """Build floor, ceiling and walls around a plan, with their doors and windows, and keep the doors clear.
-
-    Call it before furniture is placed.
-    """
+    """Build floor, ceiling, walls, doors and windows of a plan, and keep the doors free; precedes the furniture."""
     (x0, x1), (y0, y1), h = plan.x, plan.y, plan.height
     plan.shell.append(("floor", quad([(x0, y0, 0), (x1, y0, 0), (x1, y1, 0), (x0, y1, 0)]).of(floor)))
     if ceiling is not None:
@@ -70,7 +67,7 @@ def enclose(
 
 
 def add_door(plan: Plan, walls: Sequence[Wall]) -> Opening:
-    """A door somewhere in one of some walls."""
+    """A door at a random place in one of `walls`."""
     wall: Wall = walls[int(plan.rng.integers(len(walls)))]
     low, high = plan.x if wall in ("left", "right") else plan.y
     width = plan.rng.uniform(0.82, 0.96)
@@ -79,7 +76,7 @@ def add_door(plan: Plan, walls: Sequence[Wall]) -> Opening:
 
 
 def add_windows(plan: Plan, wall: Wall, count: int, taken: Sequence[Opening] = ()) -> list[Opening]:
-    """Windows side by side in a wall, as many as fit between what is there."""
+    """At most `count` windows side by side in a wall, between the openings `taken`."""
     low, high = plan.x if wall in ("left", "right") else plan.y
     sill, found = plan.rng.uniform(0.8, 1.0), []
     each = (high - low) / count
@@ -93,7 +90,7 @@ def add_windows(plan: Plan, wall: Wall, count: int, taken: Sequence[Opening] = (
 
 
 def panel(low: float, high: float, height: float, openings: Sequence[Opening]) -> Part:
-    """A wall about its openings in its own frame: u along it, facing +y."""
+    """A wall around its openings in its own frame: u along it, facing +y."""
     us = sorted({low, high, *(o.u + s * o.width / 2 for o in openings for s in (-1, 1))})
     zs = sorted({0.0, height, *(z for o in openings for z in (o.sill, o.top))})
     parts = []

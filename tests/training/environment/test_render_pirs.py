@@ -20,7 +20,7 @@ from rfgen_sionna.scene.furnished import furnished
 from training.environment.pir_data import CONDITIONS, PLACES, SPLITS, DataError, PirData, shards, split_of
 from training.environment.place_captions import USUAL, absent, caption, named
 from training.environment.render import app, render
-from training.environment.shards import Settings, render_layout
+from training.environment.shards import Settings, coarse_model, render_layout
 from training.environment.view_corpus import read_corpus
 
 SMALL = Settings(resolution=(16, 16), views=2, seed=3)
@@ -310,3 +310,13 @@ def test_captions(place):
     assert named(seen) == list(USUAL[place][:4])
     without = absent(place, USUAL[place][:2])
     assert without == list(USUAL[place][2:])
+
+
+def test_a_coarse_model_lacks_furniture_and_materials():
+    scene = furnished("living room", 0)
+    coarse = coarse_model(scene, np.random.default_rng(0), (0.3, 0.5))
+    assert 0.5 * len(scene.layout.items) <= len(coarse.layout.items) <= 0.7 * len(scene.layout.items) + 1
+    assert {item.material for item in coarse.objects} == {"concrete", "wood"}
+    shell = scene.owners.count(-1)
+    for a, b in zip(scene.objects[:shell], coarse.objects[:shell], strict=True):
+        np.testing.assert_array_equal(a.vertices, b.vertices)

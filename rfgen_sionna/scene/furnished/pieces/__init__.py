@@ -1,1 +1,1 @@
-"""Pieces of furniture and what stands outdoors, each a function of a random generator."""
+"""Pieces of furniture and outdoor objects, each a function of a random generator."""

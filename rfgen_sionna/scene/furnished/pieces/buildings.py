@@ -1,4 +1,4 @@
-"""Houses, sheds and what belongs to passages and garages."""
+"""Houses, sheds, and pieces of corridors and garages."""
 
 from __future__ import annotations
 
@@ -45,9 +45,8 @@ def house(rng: np.random.Generator, width: float) -> Piece:
         (s * (x + over), 0, height + rise)] for s in (-1, 1)]  # fmt: skip
     parts.append(loft(ends).of("roof tiles"))
     if rng.random() < 0.7:
-        parts.append(
-            block(0.6, 0.6, rise + 0.7, rng.uniform(-0.3, 0.3) * width, -0.15 * depth, height + 0.1).of("brickwork")
-        )
+        parts.append(block(0.6, 0.6, rise + 0.7, rng.uniform(-0.3, 0.3) * width, -0.15 * depth,
+            height + 0.1).of("brickwork"))  # fmt: skip
     parts.append(tube([(x - 0.1, y + 0.07, 0), (x - 0.1, y + 0.07, height)], 0.045, 6).of("metal"))
     return piece("house", parts, (width, depth))
 

@@ -1,4 +1,4 @@
-"""Lamps, plants, pictures and what else makes a room lived in."""
+"""Lamps, plants, pictures, sanitary and small things."""
 
 from __future__ import annotations
 
@@ -119,9 +119,8 @@ def coat_rack(rng: np.random.Generator) -> Piece:
     for a in np.arange(4) * np.pi / 2 + 0.4:
         c, s = np.cos(a), np.sin(a)
         parts.append(tube([(0, 0, 0.16), (0.26 * c, 0.26 * s, 0.0)], 0.014).of("wood"))
-        parts.append(
-            tube([(0, 0, h - 0.14), (0.12 * c, 0.12 * s, h - 0.12), (0.15 * c, 0.15 * s, h - 0.03)], 0.01, 5).of("wood")
-        )
+        parts.append(tube([(0, 0, h - 0.14), (0.12 * c, 0.12 * s, h - 0.12), (0.15 * c, 0.15 * s, h - 0.03)], 0.01,
+            5).of("wood"))  # fmt: skip
     for a in rng.uniform(0, 2 * np.pi, int(rng.integers(1, 3))):
         coat = cushion((0.42, 0.14, 0.95), 0.06, 0.02).at(0, 0.15, h - 0.62)
         parts.append(coat.turned(np.degrees(a)).of("fabric"))
@@ -139,9 +138,8 @@ def sink(rng: np.random.Generator) -> Piece:
     basin = [(0.04, -0.16), (0.13, -0.15), (r, 0.0), (r + 0.012, 0.004), (r - 0.006, -0.005), (0.12, -0.14),
         (0.0, -0.15)]  # fmt: skip
     parts.append(lathe(basin, 18).at(z=h).of("metal"))
-    parts.append(
-        tube([(0, -0.23, h), (0, -0.23, h + 0.25), (0, -0.16, h + 0.29), (0, -0.08, h + 0.22)], 0.013).of("metal")
-    )
+    parts.append(tube([(0, -0.23, h), (0, -0.23, h + 0.25), (0, -0.16, h + 0.29), (0, -0.08, h + 0.22)],
+        0.013).of("metal"))  # fmt: skip
     for s in (-1, 1):
         x = s * width / 4
         parts.append(block(width / 2 - 0.01, 0.02, h - 0.2, x, depth / 2 - 0.02, 0.12).of("board"))

@@ -164,9 +164,8 @@ def bicycle(rng: np.random.Generator) -> Piece:
     parts.append(tube([bar + (-0.29, -0.12, 0), bar + (-0.2, 0, 0.02), bar + (0.2, 0, 0.02), bar + (0.29, -0.12, 0)],
         0.012).of("metal"))  # fmt: skip
     for s in (-1, 1):
-        parts.append(
-            tube([crank, crank + (s * 0.06, 0, 0), crank + (s * 0.08, s * 0.12, s * 0.12)], 0.009, 5).of("metal")
-        )
+        parts.append(tube([crank, crank + (s * 0.06, 0, 0), crank + (s * 0.08, s * 0.12, s * 0.12)], 0.009,
+            5).of("metal"))  # fmt: skip
         parts.append(block(0.09, 0.09, 0.025, s * 0.12, crank[1] + s * 0.12, crank[2] + s * 0.12).of("plastic"))
     parts.append(lathe([(0.09, 0), (0.09, 0.01), (0.0, 0.01)], 16).turned(90, "y").at(0.02, *crank[1:]).of("metal"))
     return piece("bicycle", parts)
@@ -198,9 +197,8 @@ def litter_bin(rng: np.random.Generator) -> Piece:
 
 def wheelie_bin(rng: np.random.Generator) -> Piece:
     """A household's dustbin on wheels."""
-    body = loft(
-        [[(-a, -b, z), (a, -b, z), (a, b, z), (-a, b, z)] for a, b, z in ((0.2, 0.22, 0.08), (0.28, 0.32, 0.95))]
-    )
+    body = loft([[(-a, -b, z), (a, -b, z), (a, b, z), (-a, b, z)]
+        for a, b, z in ((0.2, 0.22, 0.08), (0.28, 0.32, 0.95))])  # fmt: skip
     parts = [body.of("plastic"), box((-0.3, -0.36, 0.95), (0.3, 0.34, 1.03)).of("plastic")]
     parts += [lathe([(0.1, -0.03), (0.1, 0.03), (0.0, 0.03)],
         12).turned(90, "y").at(s * 0.26, -0.26, 0.1).of("rubber") for s in (-1, 1)]  # fmt: skip

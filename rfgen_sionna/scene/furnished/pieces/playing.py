@@ -15,9 +15,8 @@ def swing(rng: np.random.Generator) -> Piece:
     steel = pick(rng, "painted metal", "metal")
     parts = [tube([(-width / 2 - 0.1, 0, h), (width / 2 + 0.1, 0, h)], 0.045, 8).of(steel)]
     for s in (-1, 1):
-        parts += [
-            tube([(s * width / 2, 0, h), (s * (width / 2 + 0.12), e * 0.85, 0)], 0.035, 7).of(steel) for e in (-1, 1)
-        ]
+        parts += [tube([(s * width / 2, 0, h), (s * (width / 2 + 0.12), e * 0.85, 0)], 0.035,
+            7).of(steel) for e in (-1, 1)]  # fmt: skip
         parts.append(tube([(s * width / 2, -0.4, 0.52 * h), (s * width / 2, 0.4, 0.52 * h)], 0.022).of(steel))
     for i in range(seats):
         x = (i - 0.5 * (seats - 1)) * 1.5
@@ -41,15 +40,13 @@ def slide(rng: np.random.Generator) -> Piece:
         parts.append(tube([(side * w, yy, zz + 0.16) for yy, zz in zip(y, z, strict=True)], 0.022).of(colour))
         parts += [tube([(side * (w + 0.03), yy, 0), (side * (w + 0.03), yy, h + 0.75)],
             0.025).of("metal") for yy in (y0 - 0.45, y0)]  # fmt: skip
-        parts.append(
-            tube([(side * (w + 0.03), y0 - 0.45, h + 0.72), (side * (w + 0.03), y0, h + 0.72)], 0.02).of("metal")
-        )
+        parts.append(tube([(side * (w + 0.03), y0 - 0.45, h + 0.72), (side * (w + 0.03), y0, h + 0.72)],
+            0.02).of("metal"))  # fmt: skip
         parts.append(tube([(side * 0.2, y0 - 0.85, 0), (side * 0.2, y0 - 0.45, h)], 0.02).of("metal"))
     parts.append(block(2 * w + 0.06, 0.5, 0.04, 0, y0 - 0.22, h - 0.02).of("wood"))
     for t in np.linspace(0.12, 0.92, 6):
-        parts.append(
-            tube([(-0.2, y0 - 0.85 + 0.4 * t, h * t), (0.2, y0 - 0.85 + 0.4 * t, h * t)], 0.015, 5).of("metal")
-        )
+        parts.append(tube([(-0.2, y0 - 0.85 + 0.4 * t, h * t), (0.2, y0 - 0.85 + 0.4 * t, h * t)], 0.015,
+            5).of("metal"))  # fmt: skip
     parts.append(tube([(0, y[-3], 0), (0, y[-3], z[-3])], 0.03).of("metal"))
     return piece("slide", parts)
 
@@ -59,9 +56,8 @@ def seesaw(rng: np.random.Generator) -> Piece:
     beam = [block(0.16, length, 0.06, z=-0.03).of("bright plastic")]
     for s in (-1, 1):
         beam.append(cushion((0.3, 0.36, 0.05), 0.02, cells=2).at(0, s * (length / 2 - 0.2), 0.05).of("plastic"))
-        beam.append(
-            tube([(-0.16, s * (length / 2 - 0.5), 0.26), (0.16, s * (length / 2 - 0.5), 0.26)], 0.015, 5).of("metal")
-        )
+        beam.append(tube([(-0.16, s * (length / 2 - 0.5), 0.26), (0.16, s * (length / 2 - 0.5), 0.26)], 0.015,
+            5).of("metal"))  # fmt: skip
         beam.append(tube([(0, s * (length / 2 - 0.5), 0.0), (0, s * (length / 2 - 0.5), 0.26)], 0.015, 5).of("metal"))
     parts = [part.turned(tilt, "x").at(z=0.48) for part in beam]
     parts += [tube([(s * 0.22, 0, 0), (s * 0.1, 0, 0.5)], 0.035).of("metal") for s in (-1, 1)]

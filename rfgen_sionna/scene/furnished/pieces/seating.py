@@ -50,9 +50,8 @@ def sofa(rng: np.random.Generator) -> Piece:
 def armchair(rng: np.random.Generator) -> Piece:
     cover, depth = pick(rng, "fabric", "leather"), rng.uniform(0.78, 0.88)
     arm, each = rng.uniform(0.13, 0.18), rng.uniform(0.5, 0.6)
-    parts = upholstered(rng, 1, cover, arm, each, depth) + legs(
-        corners(each + 2 * arm, depth, 0.09), 0.13, 0.02, "wood"
-    )
+    parts = upholstered(rng, 1, cover, arm, each, depth) + legs(corners(each + 2 * arm, depth, 0.09), 0.13, 0.02,
+        "wood")  # fmt: skip
     return piece("armchair", parts)
 
 
@@ -75,9 +74,8 @@ def chair(rng: np.random.Generator, style: str = "") -> Piece:
         )
         return piece("chair", parts)
     lean = 0.06
-    parts += [
-        tube([(s * x, -y, 0), (s * x, -y, h), (s * x, -y - lean, top)], [0.014, 0.02, 0.015]).of(wood) for s in (-1, 1)
-    ]
+    parts += [tube([(s * x, -y, 0), (s * x, -y, h), (s * x, -y - lean, top)],
+        [0.014, 0.02, 0.015]).of(wood) for s in (-1, 1)]  # fmt: skip
     parts.append(cushion((w, d, 0.03), 0.012).at(z=h - 0.005).of(wood))
     if style == "padded":
         parts.append(cushion((w - 0.02, d - 0.02, 0.05), 0.02, 0.01).at(z=h + 0.03).of("fabric"))
@@ -108,9 +106,8 @@ def office_chair(rng: np.random.Generator) -> Piece:
     )
     parts.append(tube([(0, -0.12, h - 0.03), (0, -0.3, h), (0, -0.28, h + 0.3)], 0.02).of("plastic"))
     for s in (-1, 1):
-        parts.append(
-            tube([(s * 0.22, -0.02, h - 0.02), (s * 0.28, -0.02, h), (s * 0.28, -0.02, h + 0.19)], 0.014).of("plastic")
-        )
+        parts.append(tube([(s * 0.22, -0.02, h - 0.02), (s * 0.28, -0.02, h), (s * 0.28, -0.02, h + 0.19)],
+            0.014).of("plastic"))  # fmt: skip
         parts.append(cushion((0.06, 0.26, 0.03), 0.012, cells=2).at(s * 0.28, 0.0, h + 0.2).of("plastic"))
     return piece("office chair", parts)
 
@@ -128,13 +125,11 @@ def bench(rng: np.random.Generator) -> Piece:
     width, h = rng.uniform(1.4, 1.9), 0.45
     parts = [block(width, 0.085, 0.035, 0, y, h - 0.035).of("wood") for y in (-0.15, -0.05, 0.05, 0.15)]
     for z, y in ((0.58, -0.235), (0.70, -0.265), (0.82, -0.295)):
-        parts.append(
-            box((-width / 2, -0.017, -0.045), (width / 2, 0.017, 0.045)).turned(14, "x").at(0, y, z).of("wood")
-        )
+        parts.append(box((-width / 2, -0.017, -0.045),
+            (width / 2, 0.017, 0.045)).turned(14, "x").at(0, y, z).of("wood"))  # fmt: skip
     for x in (-0.4 * width, 0.4 * width):
-        parts.append(
-            tube([(x, 0.2, 0), (x, 0.17, h - 0.05), (x, -0.2, h - 0.05), (x, -0.32, 0.88)], 0.022).of("dark metal")
-        )
+        parts.append(tube([(x, 0.2, 0), (x, 0.17, h - 0.05), (x, -0.2, h - 0.05), (x, -0.32, 0.88)],
+            0.022).of("dark metal"))  # fmt: skip
         parts.append(tube([(x, -0.22, 0), (x, -0.17, h - 0.05)], 0.022).of("dark metal"))
         parts.append(tube([(x, 0.19, h - 0.05), (x, 0.2, 0.63), (x, -0.25, 0.66)], 0.016).of("dark metal"))
     return piece("bench", parts)
@@ -145,12 +140,11 @@ def bed(rng: np.random.Generator) -> Piece:
     width, length = pick_size(rng), rng.uniform(2.0, 2.1)
     wood, base = pick(rng, "wood", "pale wood", "painted wood"), rng.uniform(0.28, 0.36)
     head = rng.uniform(0.85, 1.15)
-    parts = [
-        box((-width / 2, -length / 2, 0.12), (width / 2, length / 2, base)).of(wood),
+    parts = [box((-width / 2, -length / 2, 0.12), (width / 2, length / 2, base)).of(wood),
         cushion((width + 0.04, 0.06, head - 0.1), 0.025).at(0, -length / 2 - 0.03, 0.5 * head + 0.05).of(wood),
         cushion((width - 0.04, length - 0.04, 0.2), 0.06).at(0, 0.0, base + 0.1).of("bedding"),
-        cushion((width + 0.06, 0.68 * length, 0.26), 0.05, 0.02).at(0, 0.17 * length, base + 0.13).of("fabric"),
-    ]
+        cushion((width + 0.06, 0.68 * length, 0.26), 0.05,
+        0.02).at(0, 0.17 * length, base + 0.13).of("fabric")]  # fmt: skip
     count = 2 if width > 1.2 else 1
     for i in range(count):
         x = (i + 0.5) / count * width - width / 2

@@ -54,9 +54,8 @@ def wardrobe(rng: np.random.Generator) -> Piece:
             parts.append(box((x - each / 2 + 0.06, depth / 2 - 0.01, 0.3), (x + each / 2 - 0.06, depth / 2 - 0.001,
                 height - 0.2)).of("screen"))  # fmt: skip
         side = 1 if i % 2 == 0 else -1
-        parts.append(
-            tube([(x + side * (each / 2 - 0.05), depth / 2 + 0.02, z) for z in (0.95, 1.2)], 0.009, 5).of("metal")
-        )
+        parts.append(tube([(x + side * (each / 2 - 0.05), depth / 2 + 0.02, z) for z in (0.95, 1.2)], 0.009,
+            5).of("metal"))  # fmt: skip
     return piece("wardrobe", parts)
 
 
@@ -90,9 +89,8 @@ def nightstand(rng: np.random.Generator) -> Piece:
         parts.append(block(0.1, 0.02, 0.012, 0, depth / 2 + 0.006, z + 0.1).of("metal"))
     parts += legs(corners(width, depth, 0.04), 0.11, 0.018, wood)
     shade = lathe([(0.0, 0.2), (0.13, 0.2), (0.08, 0.38), (0.0, 0.38)]).of("curtain")
-    parts += [
-        lathe([(0.07, 0), (0.05, 0.03), (0.014, 0.06), (0.014, 0.22), (0.0, 0.22)]).at(0, -0.03, height).of("ceramic")
-    ]
+    parts += [lathe([(0.07, 0), (0.05, 0.03), (0.014, 0.06), (0.014, 0.22),
+        (0.0, 0.22)]).at(0, -0.03, height).of("ceramic")]  # fmt: skip
     parts.append(shade.at(0, -0.03, height))
     return piece("nightstand", parts)
 

@@ -1,4 +1,4 @@
-"""Tables and desks, and what stands on them."""
+"""Tables, desks and the things on them."""
 
 from __future__ import annotations
 
@@ -26,9 +26,8 @@ def bowl(rng: np.random.Generator) -> Part:
     """A bowl or a vase."""
     if rng.random() < 0.5:
         rim = rng.uniform(0.1, 0.15)
-        return lathe(
-            [(0.045, 0), (0.6 * rim, 0.015), (rim, 0.07), (0.93 * rim, 0.07), (0.5 * rim, 0.022), (0.01, 0.015)]
-        ).of("ceramic")
+        return lathe([(0.045, 0), (0.6 * rim, 0.015), (rim, 0.07), (0.93 * rim, 0.07), (0.5 * rim, 0.022),
+            (0.01, 0.015)]).of("ceramic")  # fmt: skip
     h = rng.uniform(0.2, 0.32)
     return lathe([(0.04, 0), (0.08, 0.3 * h), (0.07, 0.6 * h), (0.035, 0.85 * h), (0.05, h), (0.0, h)]).of("ceramic")
 
@@ -54,7 +53,7 @@ def coffee_table(rng: np.random.Generator) -> Piece:
 
 
 def monitor(rng: np.random.Generator) -> list[Part]:
-    """A screen on its stand; it looks towards +y."""
+    """A screen on its stand, facing +y."""
     width = rng.uniform(0.5, 0.7)
     height, z = 0.58 * width, rng.uniform(0.1, 0.16)
     return [cushion((width, 0.035, height), 0.01, cells=2).at(z=z + height / 2).of("plastic"),
@@ -64,13 +63,13 @@ def monitor(rng: np.random.Generator) -> list[Part]:
 
 
 def laptop() -> list[Part]:
-    """Open, looking towards +y."""
+    """An open laptop, facing +y."""
     lid = box((-0.16, -0.005, 0), (0.16, 0.005, 0.22)).turned(18, "x").at(0, -0.11, 0.015)
     return [block(0.32, 0.22, 0.018).of("metal"), lid.of("screen")]
 
 
 def desk(rng: np.random.Generator, screens: int | None = None) -> Piece:
-    """A desk with a drawer unit, monitors, a keyboard, papers, a lamp; one sits at +y and looks towards -y."""
+    """A desk with a drawer unit, monitors, a keyboard, papers, a lamp; its seat is at +y."""
     width, depth, h = rng.uniform(1.2, 1.7), rng.uniform(0.65, 0.8), rng.uniform(0.71, 0.75)
     top, frame = pick(rng, "board", "pale wood", "wood"), pick(rng, "metal", "dark metal")
     parts = [box((-width / 2, -depth / 2, h - 0.028), (width / 2, depth / 2, h)).of(top)]
@@ -191,7 +190,7 @@ def centrifuge(rng: np.random.Generator) -> list[Part]:
 
 
 def classroom_desk(rng: np.random.Generator, width: float, depth: float) -> Piece:
-    """A pupil's table with bent legs; sat at from +y."""
+    """A pupil's table with bent legs; its seat is at +y."""
     h = 0.72
     parts = [box((-width / 2, -depth / 2, h - 0.025), (width / 2, depth / 2, h)).of("pale wood")]
     parts += legs(corners(width, depth, 0.06), h - 0.02, 0.018, "dark metal")

@@ -1,1 +1,1 @@
-"""The places, each a function that furnishes a plan from a random generator."""
+"""Places, each a function that furnishes a plan from a random generator."""

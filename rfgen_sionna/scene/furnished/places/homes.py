@@ -13,7 +13,7 @@ from rfgen_sionna.scene.furnished.shell import Opening, add_door, add_windows, e
 def room(
     rng: np.random.Generator, length: tuple[float, float], width: tuple[float, float], height: tuple[float, float]
 ) -> Plan:
-    """An empty rectangular room about the radar, between sizes [m]."""
+    """An empty rectangular room around the radar, of random sizes in ranges [m]."""
     x0 = -rng.uniform(0.5, 1.3)
     across = rng.uniform(*width)
     shift = rng.uniform(-0.5, 0.5) * max(0.0, min(across - width[0], 1.2))
@@ -31,7 +31,7 @@ def doors_and_windows(plan: Plan, windows: tuple[int, int] = (1, 3)) -> list[Ope
 
 
 def dining(rng: np.random.Generator) -> list[tuple[Piece, float, float, float]]:
-    """A table with chairs drawn up to it, as a group."""
+    """A table with chairs, as a group."""
     table = tables.dining_table(rng)
     things = [(table, 0.0, 0.0, 0.0)]
     style = pick(rng, "slats", "padded", "shell")
@@ -47,11 +47,11 @@ def dining(rng: np.random.Generator) -> list[tuple[Piece, float, float, float]]:
 
 
 SEAT_GAP = 0.06
-"""Between a table and the chairs at it [m]."""
+"""Gap between a table and its chairs [m]."""
 
 
 def place_group(plan: Plan, things: list[tuple[Piece, float, float, float]]) -> bool:
-    """A group somewhere, parallel to the walls."""
+    """Place a group at a random spot, parallel to the walls."""
     for _ in range(20):
         x, y = plan.rng.uniform(*plan.x), plan.rng.uniform(*plan.y)
         if plan.group(things, float(x), float(y), float(plan.rng.choice([0.0, 90.0]))):
@@ -68,14 +68,14 @@ def wall_decoration(plan: Plan, pictures: int) -> None:
 
 
 def hang_lamp(plan: Plan) -> None:
-    """A lamp that hangs over the middle."""
+    """Hang a lamp near the middle."""
     lamp = decor.ceiling_lamp(plan.rng, plan.height)
     x, y = 0.5 * sum(plan.x) + plan.rng.uniform(-0.4, 0.4), 0.5 * sum(plan.y)
     plan.put(lamp, float(x), float(y), 0.0, check=False)
 
 
 def add_radiators(plan: Plan, openings: list[Opening]) -> None:
-    """Radiators under the windows, where there is room."""
+    """Add radiators under the windows with room for them."""
     for o in openings:
         if o.kind == "window" and plan.rng.random() < 0.6:
             low, high = plan.x if o.wall in ("left", "right") else plan.y
@@ -126,7 +126,7 @@ def _room_for(plan: Plan, item: Item, rug: Piece) -> bool:
 
 
 def _corner(plan: Plan, thing: Piece) -> bool:
-    """In one of the corners, looking into the middle."""
+    """Place a piece in a corner, facing the middle."""
     gap = 0.08 + 0.25 * thing.depth
     spots = [(plan.x[1] - gap - thing.width / 2, plan.y[1] - gap - thing.depth / 2, 135.0),
         (plan.x[1] - gap - thing.width / 2, plan.y[0] + gap + thing.depth / 2, 45.0),
@@ -137,7 +137,7 @@ def _corner(plan: Plan, thing: Piece) -> bool:
 
 def bedroom(rng: np.random.Generator) -> Plan:
     plan = room(rng, (5.4, 6.8), (4.0, 5.2), (2.4, 2.8))
-    # A bed is long: either the room goes on behind where somebody stands, or it is wide to one side.
+    # A bed is long: the room is either longer behind the person, or wide to one side.
     if rng.random() < 0.5:
         plan.x = plan.x[0], 6.55 + float(rng.uniform(0.1, 0.8))
     else:
@@ -179,7 +179,7 @@ def _before_bed(plan: Plan, rug: Piece) -> None:
 
 
 def _along_a_wall(plan: Plan, thing: Piece) -> Item | None:
-    """With a side at some wall and the head in a corner."""
+    """Place a piece with a side at one of the walls and the head in a corner."""
     ways: list[tuple[Wall, float]] = [(wall, turn) for wall in ("left", "right", "far") for turn in (90.0, -90.0)]
     for i in plan.rng.permutation(len(ways)).tolist():
         if _along_wall(plan, thing, *ways[i]):
@@ -188,7 +188,7 @@ def _along_a_wall(plan: Plan, thing: Piece) -> Item | None:
 
 
 def _along_wall(plan: Plan, thing: Piece, wall: Wall, turn: float) -> bool:
-    """With a side at a wall and the head in a corner."""
+    """Place a piece with a side at a wall and the head in a corner."""
     yaw = FACING[wall] + turn
     lying = Piece(thing.kind, thing.parts, thing.depth, thing.width, thing.bottom, thing.top)
     for share in (0.0, 1.0):
@@ -199,7 +199,7 @@ def _along_wall(plan: Plan, thing: Piece, wall: Wall, turn: float) -> bool:
 
 
 def _desk(plan: Plan) -> None:
-    """A desk with a chair at it, at a wall."""
+    """Place a desk with a chair at a wall."""
     desk = plan.at_wall(tables.desk(plan.rng, screens=int(plan.rng.integers(0, 2))))
     if desk is not None:
         chair = seating.office_chair(plan.rng)

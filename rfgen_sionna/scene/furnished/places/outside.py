@@ -6,16 +6,16 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.furnished.layout import Plan, person_space
-from rfgen_sionna.scene.furnished.piece import pick
+from rfgen_sionna.scene.furnished.piece import Piece, pick
 from rfgen_sionna.scene.furnished.pieces import buildings, outdoors, playing, seating
 from rfgen_sionna.scene.furnished.shapes import box, joined, quad, sheet
 
 GROUND_REACH = 45.0
-"""Extent of the ground [m]."""
+"""Reach of the ground around the radar [m]; returns from further away are negligible."""
 
 
 def add_ground(plan: Plan, finish: str, x: tuple[float, float], y: tuple[float, float], name: str = "ground") -> None:
-    """A level stretch of ground."""
+    """Add a level rectangle of ground."""
     plan.shell.append(
         (name, quad([(x[0], y[0], 0.0), (x[1], y[0], 0.0), (x[1], y[1], 0.0), (x[0], y[1], 0.0)]).of(finish))
     )
@@ -133,8 +133,8 @@ def playground(rng: np.random.Generator) -> Plan:
     return plan
 
 
-def _near(plan: Plan, thing) -> bool:  # type: ignore[no-untyped-def]
-    """Not too far from where somebody stands, so that a radar sees it."""
+def _near(plan: Plan, thing: Piece) -> bool:
+    """Place a piece near the person, in view of the radar."""
     for _ in range(20):
         angle, reach = plan.rng.uniform(-2.2, 2.2), plan.rng.uniform(2.5, 9.5)
         spot = 3.0 + reach * np.cos(angle), reach * np.sin(angle)

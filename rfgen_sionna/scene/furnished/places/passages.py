@@ -30,7 +30,7 @@ def corridor(rng: np.random.Generator) -> Plan:
         found = Opening("door", "far", middle, 0.95, 0.0, 2.03) if rng.random() < 0.5 else None
         openings += [found] if found is not None else add_windows(plan, "far", 1)
     if rng.random() < 0.35:
-        openings += add_windows(plan, pick(rng, "left", "right"), int(rng.integers(2, 5)), openings)  # type: ignore[arg-type]
+        openings += add_windows(plan, pick(rng, "left", "right"), int(rng.integers(2, 5)), openings)
     enclose(plan, openings, walls=pick(rng, "plaster", "masonry", "plaster"),
         floor=pick(rng, "linoleum", "tiles", "carpet"), ceiling="ceiling", skirting="plastic")  # fmt: skip
     sides: tuple[Wall, ...] = ("left", "right")
@@ -103,7 +103,7 @@ def garage(rng: np.random.Generator) -> Plan:
 
 
 def _along(plan: Plan) -> bool:
-    """A bicycle that leans along a wall."""
+    """Place a bicycle along a wall."""
     one = outdoors.bicycle(plan.rng)
     for _ in range(10):
         u = float(plan.rng.uniform(plan.x[0] + 1.0, plan.x[1] - 1.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.scene.furnished.layout import FACING, Plan
+from rfgen_sionna.scene.furnished.layout import FACING, Plan, Wall
 from rfgen_sionna.scene.furnished.piece import Piece, pick
 from rfgen_sionna.scene.furnished.pieces import decor, seating, storage, tables
 from rfgen_sionna.scene.furnished.places.homes import add_radiators, doors_and_windows, room, wall_decoration
@@ -12,21 +12,21 @@ from rfgen_sionna.scene.furnished.shell import enclose
 
 
 def strip_lights(plan: Plan) -> None:
-    """Rows of lights under the ceiling."""
+    """Add rows of lights under the ceiling."""
     for x in np.arange(plan.x[0] + 1.2, plan.x[1] - 0.7, 2.2):
         for y in (plan.y[0] * 0.5, plan.y[1] * 0.5):
             plan.put(decor.ceiling_panel(plan.rng, plan.height), float(x), float(y), 90.0, check=False)
 
 
 def work_place(rng: np.random.Generator, screens: int | None = None) -> list[tuple[Piece, float, float, float]]:
-    """A desk and a chair, as a group about the desk."""
+    """A desk and a chair, as a group."""
     desk, chair = tables.desk(rng, screens), seating.office_chair(rng)
     return [(desk, 0.0, 0.0, 0.0), (chair, rng.uniform(-0.15, 0.15), desk.depth / 2 + chair.depth / 2 + 0.17,
         180.0 + rng.uniform(-22, 22))]  # fmt: skip
 
 
 def group_at_wall(plan: Plan, things: list[tuple[Piece, float, float, float]]) -> bool:
-    """A group whose first piece has its back to a wall."""
+    """Place a group whose first piece has its back to a wall."""
     first = things[0][0]
     walls = plan.rng.permutation(np.array(["left", "right", "far", "near"])).tolist()
     for i in range(14):
@@ -55,7 +55,7 @@ def office(rng: np.random.Generator) -> Plan:
         plan.at_wall(thing)
     plan.some(0.5, lambda: storage.cupboard(rng), plan.at_wall)
     if rng.random() < 0.6:
-        plan.on_wall(decor.whiteboard(rng), pick(rng, "left", "right", "far"))  # type: ignore[arg-type]
+        plan.on_wall(decor.whiteboard(rng), pick(rng, "left", "right", "far"))
     for _ in range(int(rng.integers(0, 3))):
         plan.at_wall(decor.plant(rng))
     plan.some(0.7, lambda: decor.waste_bin(rng), plan.at_wall)
@@ -77,7 +77,7 @@ def lab(rng: np.random.Generator) -> Plan:
         if bench is not None and rng.random() < 0.8:
             plan.before(seating.stool(rng), bench, 0.06, aside=float(rng.uniform(-0.3, 0.3) * bench.size[0]))
     plan.at_wall(decor.sink(rng))
-    if plan.x[1] > 6.4:  # an island behind where somebody stands
+    if plan.x[1] > 6.4:  # an island behind the person
         island = tables.lab_bench(rng, rng.uniform(1.4, 2.0))
         plan.put(island, rng.uniform(4.9, plan.x[1] - 1.2), rng.uniform(-0.5, 0.5), 90.0)
     for _ in range(int(rng.integers(1, 3))):
@@ -106,14 +106,14 @@ def classroom(rng: np.random.Generator) -> Plan:
     openings = doors_and_windows(plan, (3, 5))
     enclose(plan, openings, floor=pick(rng, "linoleum", "floorboards"), ceiling="ceiling", skirting="plastic")
     board = decor.whiteboard(rng, rng.uniform(2.4, 3.6), pick(rng, "blackboard", "whiteboard"))
-    wall = pick(rng, "far", "left", "right")
+    wall: Wall = pick(rng, "far", "left", "right")
     # The pupils face the board: their desks' far edges towards it.
-    facing = FACING[wall] + 180.0  # type: ignore[index]
-    plan.on_wall(board, wall, 30)  # type: ignore[arg-type]
+    facing = FACING[wall] + 180.0
+    plan.on_wall(board, wall, 30)
     teacher = work_place(rng, screens=int(rng.integers(0, 2)))
     for _ in range(10):
-        x, y = plan.wall_spot(teacher[0][0], wall, float(rng.random()), 1.0)  # type: ignore[arg-type]
-        if plan.group(teacher, x, y, FACING[wall] + 180.0):  # type: ignore[index]
+        x, y = plan.wall_spot(teacher[0][0], wall, float(rng.random()), 1.0)
+        if plan.group(teacher, x, y, FACING[wall] + 180.0):
             break
     width, style, seed = rng.uniform(1.1, 1.35), pick(rng, "slats", "shell"), int(rng.integers(2**31))
     pitch = width + rng.uniform(0.25, 0.45)
@@ -132,7 +132,7 @@ def classroom(rng: np.random.Generator) -> Plan:
                 chair = seating.chair(np.random.default_rng(seed), style)
                 away = desk.depth / 2 + chair.depth / 2 + rng.uniform(0.03, 0.12)
                 things.append((chair, u * width, away, 180.0 + rng.uniform(-6, 6)))
-            plan.group(things, float(x), float(y), facing + 180.0 if wall == "near" else FACING[wall] + 0.0)  # type: ignore[index]
+            plan.group(things, float(x), float(y), facing + 180.0 if wall == "near" else FACING[wall] + 0.0)
     plan.some(0.8, lambda: storage.cupboard(rng), plan.at_wall)
     plan.some(0.6, lambda: storage.bookshelf(rng), plan.at_wall)
     plan.some(0.4, lambda: decor.plant(rng), plan.at_wall)

@@ -190,16 +190,6 @@ def test_roughness_makes_matt():
     assert at[24e9] < at[77e9]
 
 
-def test_a_hasty_model_lacks_furniture_and_materials(scenes):
-    scene = scenes["living room", 0]
-    coarse = scene.simplified(np.random.default_rng(0), (0.3, 0.5))
-    assert 0.5 * len(scene.layout.items) <= len(coarse.layout.items) <= 0.7 * len(scene.layout.items) + 1
-    assert {item.material for item in coarse.objects} == {"concrete", "wood"}
-    shell = len(scene.layout.surroundings)
-    for a, b in zip(scene.objects[:shell], coarse.objects[:shell], strict=True):
-        np.testing.assert_array_equal(a.vertices, b.vertices)
-
-
 def test_as_a_scene_of_sionna(scenes):
     """Sionna's own scene holds the same objects with the materials at the same frequency."""
     scene = furnished("corridor", 1)
