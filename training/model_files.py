@@ -17,7 +17,8 @@ from rfgen_sionna.generative.diffusion.checkpoint import FORMAT as MOTION_FORMAT
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.environment.adapters import FORMAT as LORA_FORMAT
 from rfgen_sionna.generative.environment.adapters import LoraFacts
-from rfgen_sionna.generative.environment.confidence_gate import ConfidenceGate
+from rfgen_sionna.generative.environment.classifier import ConfidenceGate
+from rfgen_sionna.generative.environment.conditional_prior import TABLES
 from rfgen_sionna.generative.environment.environment_model import CONTROL_FORMAT, GATE_PREFIX, EnvironmentModel
 from rfgen_sionna.generative.environment.environment_model import FORMAT as ENVIRONMENT_FORMAT
 
@@ -38,7 +39,7 @@ def write_motion_model(path: Path, model: MotionModel) -> None:
         tensors[f"residual.{action}.gains"] = torch.from_numpy(residual.gains.copy()).half()
     header = {
         "format": MOTION_FORMAT,
-        "shape": model.net.shape.to_dict(),
+        "shape": asdict(model.net.shape),
         "actions": model.text.actions,
         "beats": {name: asdict(beat) for name, beat in model.beats.items()},
         "levels": {name: residual.levels.tolist() for name, residual in model.residuals.items()},
@@ -64,7 +65,8 @@ def write_environment_model(path: Path, model: EnvironmentModel) -> None:
     }
     exact = {f"vae.{k}": v.float() for k, v in model.vae.state_dict().items()}
     if model.conditional_prior is not None:
-        exact |= {f"expectation.{k}": torch.from_numpy(v).float() for k, v in model.conditional_prior.tables.items()}
+        tables = {name: getattr(model.conditional_prior, name) for name in TABLES}
+        exact |= {f"expectation.{k}": torch.from_numpy(v).float() for k, v in tables.items()}
     _write(path, {k: v.half() for k, v in tensors.items()} | exact, header)
 
 
@@ -73,7 +75,9 @@ def write_control(
 ) -> None:
     """Write a ControlNet and its gate in one step, in half precision; None writes a gate that applies all gains."""
     confidence_gate = confidence_gate or ConfidenceGate()
-    tensors = control.state_dict() | {GATE_PREFIX + k: v for k, v in confidence_gate.tensors().items()}
+    tensors = dict(control.state_dict())
+    if confidence_gate.classifier is not None:
+        tensors |= {GATE_PREFIX + k: v for k, v in confidence_gate.classifier.net.state_dict().items()}
     header = {"format": CONTROL_FORMAT, "facts": facts, "share": confidence_gate.share}
     _write(path, {k: v.half() for k, v in tensors.items()}, header)
 

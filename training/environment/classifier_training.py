@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 from torch.nn.functional import cross_entropy
 
 from rfgen_sionna.generative.environment.classifier import (
+    COMPLETE,
+    INCOMPLETE,
     SPREAD_DB,
     WIDTHS,
     ClassifierNet,
+    ConfidenceGate,
     ImageClassifier,
     classifier_inputs,
 )
-from rfgen_sionna.generative.environment.confidence_gate import COMPLETE, INCOMPLETE, ConfidenceGate
-from rfgen_sionna.generative.environment.confidence_gate import WIDTHS as SMALL
+from rfgen_sionna.generative.environment.classifier import GATE_WIDTHS as SMALL
 from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from training.environment.view_corpus import ViewCorpus

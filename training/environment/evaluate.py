@@ -24,6 +24,7 @@ from training.commands import plainly, progress_bar
 from training.environment.classifier_training import train_classifier
 from training.environment.contact_sheets import completed_sheet, sheet
 from training.environment.image_evaluation import examine
+from training.environment.image_metrics import correctly_named
 from training.environment.lora_evaluation import RATES, examine_lora
 from training.environment.lora_training import LoraRecipe
 from training.environment.path_evaluation import examine_paths
@@ -114,8 +115,8 @@ def main(
         classifier = load_classifier(out, train, judge_steps, bar)
         _, probabilities = classifier.classify(test.images, test.views)
         report["judge on held-out renders"] = {
-            "views": float(classifier.right(probabilities, test.places).mean()),
-            "all views of a layout together": float(classifier.right(probabilities, test.places, held.layout).mean()),
+            "views": float(correctly_named(probabilities, test.places).mean()),
+            "all views of a layout together": float(correctly_named(probabilities, test.places, held.layout).mean()),
         }
         report["surroundings"] = []
         for seed in range(seeds):

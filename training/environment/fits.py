@@ -65,7 +65,7 @@ def fit_conditional_prior(
     that were hardly seen come out as the mean over all. What things are made of is known of corpora of furnished
     places."""
     if corpus.layout_maps is None:
-        raise ValueError("data: the sketches were not read")
+        raise ValueError("data: the layout maps were not read")
     some = np.random.default_rng([seed, 47]).permutation(len(corpus))[:_VIEWS]
     some = np.sort(some).tolist()  # views of one layout follow each other
     squares, products = np.zeros((kinds, TERMS, TERMS)), np.zeros((kinds, TERMS, 3))

@@ -20,6 +20,7 @@ from rfgen_sionna.generative.environment.view_unet import make_scheduler
 from rfgen_sionna.pir.codec import PirCodec
 from training.environment.image_metrics import (
     Physical,
+    correctly_named,
     floor_share,
     law_distance,
     nearest,
@@ -151,7 +152,7 @@ def examine(
     goal, rooms = test.places[split.first], layouts[split.first]
 
     def recognised(probabilities: FloatArray, together: bool = False) -> NDArray[np.bool_]:
-        return classifier.right(probabilities, goal, rooms if together else None)
+        return correctly_named(probabilities, goal, rooms if together else None)
 
     named, named_together = recognised(probabilities), recognised(probabilities, True)
     result = {

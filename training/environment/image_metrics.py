@@ -95,3 +95,21 @@ def floor_share(x: Physical, views: Sequence[ViewFacts], tolerance: float = 0.05
             with np.errstate(invalid="ignore"):
                 shares.append(float((np.abs(reach[low] - expected) < tolerance * expected).mean()))
     return float(np.mean(shares)) if shares else float("nan")
+
+
+def correctly_named(
+    probabilities: FloatArray, places: NDArray[np.integer], together: NDArray[np.integer] | None = None
+) -> NDArray[np.bool_]:
+    """(image,) whether each image is classified as its place.
+
+    Args:
+        probabilities: (image, class) log probabilities.
+        places: (image,) true classes.
+        together: (image,) number of the place whose views are classified together; None classifies each alone.
+    """
+    if together is not None:
+        _, which = np.unique(np.stack([together, places]), axis=1, return_inverse=True)
+        sums = np.zeros((int(which.max()) + 1, probabilities.shape[1]))
+        np.add.at(sums, which.ravel(), probabilities)
+        probabilities = sums[which.ravel()]
+    return np.asarray(probabilities.argmax(axis=-1) == places)

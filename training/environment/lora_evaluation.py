@@ -13,6 +13,7 @@ from rfgen_sionna.generative.environment.classifier import ImageClassifier
 from rfgen_sionna.generative.environment.image_models import load_embedded
 from rfgen_sionna.generative.environment.image_sampling import ImageSampler
 from training.environment.image_evaluation import drawn_like
+from training.environment.image_metrics import correctly_named
 from training.environment.lora_bases import EmbeddedBase
 from training.environment.lora_training import LoraRecipe, choose_rate
 from training.environment.pir_data import PirData
@@ -73,7 +74,7 @@ def examine_lora(
             load_embedded(base, lora, "cpu", half=half), test, some, sampler, noise_seed, use_layout_map=False
         )
         features, probabilities = classifier.classify(drawn, [test.views[i] for i in some])
-        return frechet(features, real), float(classifier.right(probabilities, test.places[some]).mean())
+        return frechet(features, real), float(correctly_named(probabilities, test.places[some]).mean())
 
     before = distance(None)
     report: dict[str, Any] = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rfgen_sionna._types import IntArray
-from rfgen_sionna.generative.environment.layout_map import mirrored
 from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.projection import check_projection
@@ -79,12 +78,12 @@ class ViewCorpus:
         """(CHANNELS, row, column) of one view, or of its mirror image.
 
         Raises:
-            ValueError: the sketches were not read.
+            ValueError: the layout maps were not read.
         """
         if self.layout_maps is None:
-            raise ValueError("data: the sketches were not read")
+            raise ValueError("data: the layout maps were not read")
         x = self.layout_maps[index].astype(np.float32)
-        return mirrored(x) if mirror else x
+        return mirrored_layout_map(x) if mirror else x
 
     def sentence(self, index: int, rng: np.random.Generator) -> str:
         """A wording for one view."""
@@ -103,7 +102,7 @@ class ViewCorpus:
 
     def view(self, index: int, mirrored: bool) -> ViewFacts:
         """How one view, or its mirror image, looks at its place."""
-        return self.views[index].mirrored() if mirrored else self.views[index]
+        return mirrored_facts(self.views[index]) if mirrored else self.views[index]
 
     def latents(self, vae: PatchAutoencoder, *, incomplete: bool = False) -> Tensor:
         """(2, view, latent, row, column) of the images and of their mirror images, half precision.
@@ -172,3 +171,15 @@ def read_corpus(data: PirData, codec: PirCodec, *, pairs: bool = False, use_layo
 
 def _things(objects: list[list[str]]) -> tuple[str, ...]:
     return tuple(sorted({thing for row in objects for thing in row}))
+
+
+def mirrored_layout_map(layout_map: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Layout maps (…, CHANNELS, row, column) with reversed columns."""
+    out = np.array(layout_map[..., ::-1])
+    out[..., 3, :, :] *= -1.0
+    return out
+
+
+def mirrored_facts(view: ViewFacts) -> ViewFacts:
+    """View of the image with reversed columns."""
+    return replace(view, yaw=-view.yaw, roll=-view.roll)

@@ -7,9 +7,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, inflect
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, FRAGMENTS, OPEN_CLAUSES, inflect
 from rfgen_sionna.generative.diffusion.understanding import stems
-from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, OPEN_CLAUSES
 
 SUBJECTS = (
     *("a person",) * 8,

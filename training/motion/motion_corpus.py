@@ -14,20 +14,26 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion import rhythm
 from rfgen_sionna.generative.diffusion.features import (
+    CONTACTS,
     FRAME_RATE,
     HAND_COMPONENTS,
     HAND_JOINTS,
+    HANDS,
+    LOCAL,
     MIRROR_ROTVEC,
+    ROOT,
+    TRACKED_POSITIONS,
+    TURN,
     HandBasis,
     arms_of,
     encode,
-    mirrored,
     replace_parts,
 )
 from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
+from rfgen_sionna.generative.diffusion.phrasebook import UPPER
 from rfgen_sionna.generative.diffusion.rhythm import Beat
-from rfgen_sionna.generative.diffusion.wording import UPPER
 from rfgen_sionna.generative.motion import ACTIONS
+from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, NUM_BODY_JOINTS
 from rfgen_sionna.records import Motion
 from training.motion.kinematic_clips import Clip, read_clips
 from training.motion.mocap import MocapClip
@@ -258,3 +264,32 @@ def fit_hands(relaxed: list[Motion], motions: list[Motion]) -> HandBasis:
     spread = np.concatenate([vectors(m) for m in motions]) - mean
     _, _, rows = np.linalg.svd(spread.T @ spread)
     return HandBasis(mean, rows[:HAND_COMPONENTS])
+
+
+def mirrored(features: FloatArray) -> FloatArray:
+    """Feature rows of the mirrored motion, left for right."""
+    flip = np.array([1.0, -1.0, 1.0])
+    # a rotation R becomes M R M
+    flip_six = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    n = len(features)
+    out = features.copy()
+    out[:, ROOT] = features[:, ROOT] * flip
+    out[:, TURN] = features[:, TURN] * flip_six
+    local = features[:, LOCAL].reshape(n, -1, 6)[:, _SWAPPED] * flip_six
+    out[:, LOCAL] = local.reshape(n, -1)
+    places = features[:, TRACKED_POSITIONS].reshape(n, -1, 2, 3)[:, :, ::-1] * flip
+    out[:, TRACKED_POSITIONS] = places.reshape(n, -1)
+    out[:, CONTACTS] = features[:, CONTACTS][:, ::-1]
+    out[:, HANDS] = features[:, HANDS].reshape(n, 2, -1)[:, ::-1].reshape(n, -1)
+    return out
+
+
+def _swapped() -> list[int]:
+    def other(name: str) -> str:
+        side, _, rest = name.partition("_")
+        return {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
+
+    return [JOINT[other(name)] - 1 for name in JOINT_NAMES[1:NUM_BODY_JOINTS]]
+
+
+_SWAPPED = _swapped()

@@ -9,9 +9,8 @@ import numpy as np
 import torch
 from torch.nn.functional import cross_entropy
 
-from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, FRAGMENTS, UPPER
 from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder, tokenise
-from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, UPPER
 from rfgen_sionna.generative.motion import ACTIONS
 from training.learning import Progress, fit
 from training.motion.motion_captions import ENDINGS, FAST, SLOW, SUBJECTS, caption

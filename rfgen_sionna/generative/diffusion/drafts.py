@@ -21,6 +21,7 @@ from rfgen_sionna.generative.diffusion.features import (
 from rfgen_sionna.generative.diffusion.motion_sampling import LONGEST as LONGEST_SAMPLED
 from rfgen_sionna.generative.diffusion.motion_sampling import MotionRequest, MotionSampler, conditions_of, padded_rows
 from rfgen_sionna.generative.diffusion.network import PAIR, STRIDE
+from rfgen_sionna.generative.diffusion.phrasebook import CAPTURED_LEGS
 from rfgen_sionna.generative.diffusion.rhythm import (
     LONGEST,
     LONGEST_STRIDE,
@@ -32,7 +33,6 @@ from rfgen_sionna.generative.diffusion.rhythm import (
     stride,
 )
 from rfgen_sionna.generative.diffusion.schedule import log_snr, signal_shares, step_at
-from rfgen_sionna.generative.diffusion.wording import CAPTURED_LEGS
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
 from rfgen_sionna.generative.motion.actions import with_hand
 from rfgen_sionna.generative.motion.skeleton import SIDES

@@ -196,35 +196,6 @@ def recentred(features: FloatArray, frame: int = 0) -> FloatArray:
     return turned(out, -float(np.arctan2(out[frame, TURN.start + 1], out[frame, TURN.start])))
 
 
-def mirrored(features: FloatArray) -> FloatArray:
-    """Feature rows of the mirrored motion, left for right."""
-    flip = np.array([1.0, -1.0, 1.0])
-    # a rotation R becomes M R M
-    flip_six = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
-    n = len(features)
-    out = features.copy()
-    out[:, ROOT] = features[:, ROOT] * flip
-    out[:, TURN] = features[:, TURN] * flip_six
-    local = features[:, LOCAL].reshape(n, -1, 6)[:, _SWAPPED] * flip_six
-    out[:, LOCAL] = local.reshape(n, -1)
-    places = features[:, TRACKED_POSITIONS].reshape(n, -1, 2, 3)[:, :, ::-1] * flip
-    out[:, TRACKED_POSITIONS] = places.reshape(n, -1)
-    out[:, CONTACTS] = features[:, CONTACTS][:, ::-1]
-    out[:, HANDS] = features[:, HANDS].reshape(n, 2, -1)[:, ::-1].reshape(n, -1)
-    return out
-
-
-def _swapped() -> list[int]:
-    def other(name: str) -> str:
-        side, _, rest = name.partition("_")
-        return {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
-
-    return [JOINT[other(name)] - 1 for name in JOINT_NAMES[1:NUM_BODY_JOINTS]]
-
-
-_SWAPPED = _swapped()
-
-
 def arms_of(action: str, hand: str) -> list[str]:
     """Arms that an action of the arms uses."""
     return {"left_arm_raised": ["left_arm"], "right_arm_raised": ["right_arm"]}.get(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -39,9 +39,6 @@ class NetworkShape:
     heads: int = 4
     features: int = NUM_FEATURES
     parts: int = len(PARTS)
-
-    def to_dict(self) -> dict[str, object]:
-        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -153,9 +150,10 @@ class _Attention(nn.Module):
         self.norm = nn.ModuleList([nn.GroupNorm(8, width), nn.GroupNorm(8, width)])
         self.query = nn.ModuleList([nn.Linear(width, width), nn.Linear(width, width)])
         self.key_value = nn.ModuleList([nn.Linear(width, 2 * width), nn.Linear(context, 2 * width)])
-        self.out = nn.ModuleList([nn.Linear(width, width), nn.Linear(width, width)])
-        for layer in self.out:
-            nn.init.zeros_(layer.weight)  # type: ignore[arg-type]
+        out = [nn.Linear(width, width), nn.Linear(width, width)]
+        for layer in out:
+            nn.init.zeros_(layer.weight)
+        self.out = nn.ModuleList(out)
 
     def forward(self, x: Tensor, tokens: Tensor, mask: Tensor) -> Tensor:
         for i, (context, seen) in enumerate(((None, None), (tokens, mask))):

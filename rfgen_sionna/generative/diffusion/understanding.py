@@ -13,9 +13,8 @@ from functools import cache
 
 import torch
 
-from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, FRAGMENTS, LOWER, OPEN_CLAUSES, UPPER
 from rfgen_sionna.generative.diffusion.sentence_encoder import HANDS, TextEncoder, stem, tokenise, words
-from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, LOWER, OPEN_CLAUSES, UPPER
 from rfgen_sionna.generative.motion import ACTIONS
 from rfgen_sionna.generative.text_reader import AFTERWARDS
 
@@ -264,14 +263,6 @@ def _is_clear(
 
     On unknown words the encoder spreads its probability over unrelated actions. On new wordings of an action it may,
     too, but those consist of the action's words and names of things.
-
-    Args:
-        said: the sentence in lower case.
-        action: the likeliest.
-        every: each action's probability.
-        content: words with information on the action.
-        unknown: those outside the training sentences.
-        decided: whether the order of words gave the action.
     """
     sure = sum(every.get(a, 0.0) for a in _left_open_with(action))
     learned = [w for w in content if w not in unknown]

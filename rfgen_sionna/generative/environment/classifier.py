@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -18,6 +19,10 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.generative.environment.place_encoder import ViewFacts, view_tokens
 from rfgen_sionna.generative.environment.view_unet import view_maps
 from rfgen_sionna.pir.codec import PirCodec
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
 
 FEATURES = 48
 """Numbers of an image's feature vector."""
@@ -86,20 +91,44 @@ class ImageClassifier:
                 probabilities.append(logits.log_softmax(dim=-1).double().numpy())
         return np.concatenate(features), np.concatenate(probabilities)
 
-    def right(
-        self, probabilities: FloatArray, places: NDArray[np.integer], together: NDArray[np.integer] | None = None
-    ) -> NDArray[np.bool_]:
-        """(image,) whether each image, or the images of one place `together` (image,), is named as its place."""
-        if together is not None:
-            _, which = np.unique(np.stack([together, places]), axis=1, return_inverse=True)
-            sums = np.zeros((int(which.max()) + 1, probabilities.shape[1]))
-            np.add.at(sums, which.ravel(), probabilities)
-            probabilities = sums[which.ravel()]
-        return np.asarray(probabilities.argmax(axis=-1) == places)
-
 
 def untrained_classifier(
     classes: int, codec: PirCodec | None = None, widths: Sequence[int] = WIDTHS
 ) -> ImageClassifier:
     """A classifier of that many classes with random weights."""
     return ImageClassifier(ClassifierNet(classes, widths).eval().requires_grad_(False), codec or PirCodec())
+
+
+COMPLETE, INCOMPLETE = 0, 1
+"""Classes of the classifier."""
+GATE_WIDTHS = (16, 24, 48, 64)
+"""Channels of the classifier's four stages; a small one suffices."""
+
+
+@dataclass(frozen=True)
+class ConfidenceGate:
+    """Share of the gains that is applied."""
+
+    share: float = 1.0
+    """Share for an image that is certainly incomplete."""
+    classifier: ImageClassifier | None = None
+    """Classifier of incomplete images; None counts all as incomplete."""
+
+    def __call__(self, images: NDArray[np.floating], views: Sequence[ViewFacts]) -> float:
+        """Share, 0 … 1, of gains for all frames (frame, 3, row, column) of one view, in the codec's channels."""
+        return self.share * float(self.probabilities(images, views).mean())
+
+    def probabilities(self, images: NDArray[np.floating], views: Sequence[ViewFacts]) -> FloatArray:
+        """(image,) probabilities that images (image, 3, row, column) are incomplete."""
+        if self.classifier is None:
+            return np.ones(len(images))
+        return np.asarray(np.exp(self.classifier.classify(images, views)[1][:, INCOMPLETE]))
+
+    @classmethod
+    def of(cls, share: float, tensors: dict[str, Tensor]) -> ConfidenceGate:
+        """Gate from the contents of a file."""
+        if not tensors:
+            return cls(share)
+        classifier = untrained_classifier(2, widths=GATE_WIDTHS)
+        classifier.net.load_state_dict(tensors)
+        return cls(share, classifier)

@@ -31,6 +31,8 @@ PURE = 0.99
 """Least share of one kind in a pure patch."""
 _LEAST_RANGE = 0.3
 """Range below which levels stop growing [m]; bounds the near field."""
+TABLES = ("planes", "brighter", "within", "between")
+"""Arrays of a prior in a model file."""
 LEAST_SPREAD = 0.03
 """Least standard deviation of a latent; bounds the normalisation."""
 
@@ -113,18 +115,10 @@ class ConditionalPrior:
         spread = np.maximum(np.sqrt(np.stack(variances)), LEAST_SPREAD).astype(np.float32)
         return LatentPrior(mean.float(), torch.from_numpy(spread).to(device))
 
-    @property
-    def tables(self) -> dict[str, FloatArray]:
-        """Arrays by name, for a file."""
-        return {name: getattr(self, name) for name in _TABLES}
-
     @classmethod
     def from_tables(cls, tables: Mapping[str, FloatArray], finishes: Sequence[str]) -> ConditionalPrior:
         """From the arrays of a file."""
-        return cls(**{name: np.asarray(tables[name], np.float64) for name in _TABLES}, finishes=tuple(finishes))
-
-
-_TABLES = ("planes", "brighter", "within", "between")
+        return cls(**{name: np.asarray(tables[name], np.float64) for name in TABLES}, finishes=tuple(finishes))
 
 
 def shares_of(kind: NDArray[np.floating], kinds: int) -> FloatArray:

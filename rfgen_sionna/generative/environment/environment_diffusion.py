@@ -36,13 +36,8 @@ class _CachedEnvironment:
 
 
 class ViewCache:
-    """Cache of views by environment; the least recently used are evicted first.
-
-    Parameters
-    ----------
-    environments, views
-        Largest numbers of environments, and of views of each.
-    """
+    """Cache of views by environment, at most `environments` with `views` each; the least recently used are evicted
+    first."""
 
     def __init__(self, environments: int = ENVIRONMENTS, views: int = VIEWS) -> None:
         self._most, self._most_views = environments, views

@@ -26,7 +26,7 @@ from rfgen_sionna.pir.codec import PirCodec
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from rfgen_sionna.generative.environment.confidence_gate import ConfidenceGate
+    from rfgen_sionna.generative.environment.classifier import ConfidenceGate
 
 FORMAT = "rfgen-environment-3"
 CONTROL_FORMAT = "rfgen-environment-control-3"
@@ -146,11 +146,9 @@ def read_model(path: Path | None = None, control: Path | bool | None = None) -> 
     tables = {k.removeprefix("expectation."): v.numpy() for k, v in tensors.items() if k.startswith("expectation.")}
     expected = ConditionalPrior.from_tables(tables, header["finishes"]) if tables else None
     model = EnvironmentModel(unet, vae, text, codec, shape, header["facts"], edge_smoothing, expected)
-    return (
-        model
-        if known is None
-        else replace(model, control=known.net, control_facts=known.facts, confidence_gate=known.confidence_gate)
-    )
+    if known is None:
+        return model
+    return replace(model, control=known.net, control_facts=known.facts, confidence_gate=known.confidence_gate)
 
 
 def weights_fingerprint(unet: UNet2DConditionModel) -> str:
@@ -170,7 +168,7 @@ def read_control(path: Path, unet: UNet2DConditionModel, *, any_base: bool = Fal
         FileNotFoundError: there is no such file.
         ModelFileError: it is no ControlNet of this base model.
     """
-    from rfgen_sionna.generative.environment.confidence_gate import ConfidenceGate
+    from rfgen_sionna.generative.environment.classifier import ConfidenceGate
 
     if path.is_dir():
         if (path / CONTROL_FILE).is_file():

@@ -198,11 +198,8 @@ class EmbeddedImageModel:
                 UnknownWordsWarning,
                 stacklevel=4,
             )
-        otherwise = [
-            said
-            for (said, _, _), so in zip(read.surfaces, request.wanted.made(room.place.finishes), strict=True)
-            if not so
-        ]
+        made = request.wanted.made(room.place.finishes)
+        otherwise = [said for (said, _, _), so in zip(read.surfaces, made, strict=True) if not so]
         if otherwise:
             warnings.warn(
                 f"environment prompt {prompt!r}: no suitable layout has {', '.join(map(repr, otherwise))}",

@@ -35,7 +35,6 @@ class ImageSampler:
     steps: int = 20
     guidance: float = 1.5
     """Weight of the prompt; 1 halves the cost and keeps the model's own spread."""
-
     spread: float = 1.0
     """Standard deviation of the initial noise; below 1 images vary less."""
 

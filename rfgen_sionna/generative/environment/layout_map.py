@@ -115,10 +115,3 @@ def encode_layout_map(
         for x in (np.asarray(reach, np.float64), np.asarray(shell, np.float64))
     )
     return np.stack([one, two, cosine, *np.moveaxis(np.asarray(place), -1, 0), kind], axis=-3).astype(np.float32)
-
-
-def mirrored(layout_map: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Layout maps (…, CHANNELS, row, column) with reversed columns."""
-    out = np.array(layout_map[..., ::-1])
-    out[..., 3, :, :] *= -1.0
-    return out

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna.generative.environment.classifier import ConfidenceGate
 from rfgen_sionna.generative.environment.conditional_prior import LatentPrior
-from rfgen_sionna.generative.environment.confidence_gate import ConfidenceGate
 from rfgen_sionna.generative.environment.environment_model import condition_of
 from rfgen_sionna.generative.environment.image_generation import view_facts
 from rfgen_sionna.generative.environment.image_models import EmbeddedImageModel, load_embedded
@@ -138,7 +138,7 @@ class PathDiffusion:
 
         Existing energy is multiplied by a bounded gain; its time of arrival and velocity stay. Empty pixels may gain
         static energy; in rooms, which are closed on all sides, all of them do. Complete images hardly change
-        (:class:`~rfgen_sionna.generative.environment.confidence_gate.ConfidenceGate`). All frames share their noise. A
+        (:class:`~rfgen_sionna.generative.environment.classifier.ConfidenceGate`). All frames share their noise. A
         static pixel has a constant gain, hence no Doppler; all moving pixels share one gain, which keeps their phases.
 
         Parameters

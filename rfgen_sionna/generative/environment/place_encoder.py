@@ -39,10 +39,6 @@ class ViewFacts:
     """[rad]"""
     projection: Projection = "perspective"
 
-    def mirrored(self) -> ViewFacts:
-        """View of the image with reversed columns."""
-        return replace(self, yaw=-self.yaw, roll=-self.roll)
-
     def view(self, resolution: tuple[int, int]) -> View:
         """View with pixels (rows, columns), at the origin."""
         orientation = self.yaw, self.pitch, self.roll

@@ -201,11 +201,10 @@ def fit_primitives(points: FloatArray, faces: IntArray, axes: FloatArray) -> Pri
     sizes = np.array([np.linalg.norm(np.ptp(points[faces[group].ravel()], axis=0)) for group in groups])
     small = sizes < min(_SMALL, _SMALL_SHARE * float(np.linalg.norm(np.ptp(points[corners], axis=0))))
     small[np.argsort(-sizes, kind="stable")[_MAX_PRIMITIVES:]] = True
-    together = (
-        [np.concatenate([g for g, is_small in zip(groups, small, strict=True) if is_small])] if small.any() else []
-    )
     alone = [g for g, is_small in zip(groups, small, strict=True) if not is_small]
-    return Primitives.joined(_fit_in_halves(points, faces[group], axes, _HALVINGS) for group in [*alone, *together])
+    if small.any():
+        alone.append(np.concatenate([g for g, is_small in zip(groups, small, strict=True) if is_small]))
+    return Primitives.joined(_fit_in_halves(points, faces[group], axes, _HALVINGS) for group in alone)
 
 
 def _fit_in_halves(points: FloatArray, faces: IntArray, axes: FloatArray, times: int) -> Primitives:

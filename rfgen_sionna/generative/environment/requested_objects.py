@@ -122,9 +122,8 @@ def check_words(prompt: str, negative: str, fields: tuple[str, str] = ("prompt",
         )
     asked, excluded = read_objects(prompt), read_objects(negative)
     clash = [words for words, kinds in asked.words if {*kinds} <= {*excluded.things}]
-    denied = [
-        read_objects(part) for part in negative.split(",")
-    ]  # "office desk" is a desk, "desk, office" a place as well
+    # "office desk" is a desk, "desk, office" a place as well
+    denied = [read_objects(part) for part in negative.split(",")]
     clash += [place for each in denied if not each.words for place in each.places if place in asked.places]
     if clash:
         raise PromptError(

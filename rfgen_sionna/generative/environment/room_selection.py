@@ -216,10 +216,8 @@ def _sample_position(scene: FurnishedScene, view: View, rng: np.random.Generator
         away = targets - (x, y)
         near = 1.0 / (2.0 + np.hypot(*away.T)) ** 2
         spots.append((x, y))
-        weights.append(
-            _RANDOM_DIRECTION_SHARE / (2 * np.pi)
-            + float(near @ _pointing_density(away, view.orientation[0]) / near.sum())
-        )
+        pointing = float(near @ _pointing_density(away, view.orientation[0]) / near.sum())
+        weights.append(_RANDOM_DIRECTION_SHARE / (2 * np.pi) + pointing)
     if not spots:
         return None
     probabilities = np.array(weights)

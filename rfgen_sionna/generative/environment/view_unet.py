@@ -84,9 +84,8 @@ def upright_view_tokens(tokens: Tensor) -> Tensor:
     level[:, 6, :half], level[:, 6, half:] = phase.sin(), phase.cos()
     other = torch.zeros(1, _NUMBERS, 1, dtype=torch.bool, device=tokens.device)
     other[:, 6:] = True
-    lies = (decode_view_tokens(tokens[:, 0])[:, 6:] - torch.tensor([1.0, 0.0], device=tokens.device)).abs().amax(
-        dim=1
-    ) > 0.02
+    roll = decode_view_tokens(tokens[:, 0])[:, 6:] - torch.tensor([1.0, 0.0], device=tokens.device)
+    lies = roll.abs().amax(dim=1) > 0.02
     return torch.where(other & lies[:, None, None], (level * math.sqrt(2.0)).to(bands), bands).reshape(tokens.shape)
 
 

@@ -89,17 +89,7 @@ class Viewpoint:
 
 
 class PlaceRenderer:
-    """A place with a tracer for all its views.
-
-    Parameters
-    ----------
-    scene
-        The place.
-    radar
-        Gives the band.
-    actors
-        People in it.
-    """
+    """A place with a tracer for all its views; `radar` gives the band, `actors` are people in it."""
 
     def __init__(self, scene: FurnishedScene, radar: Radar, actors: Sequence[MeshActor] = ()) -> None:
         self.scene = scene

@@ -131,16 +131,8 @@ def _limb(
     bend: FloatArray,
     rest: FloatArray,
 ) -> None:
-    """Write the rotations of a limb's two bones; a straight limb bends as at rest.
-
-    Args:
-        world: (n, 22, 3, 3), written to.
-        p: (n, 22, 3) positions.
-        parents: joint whose rotation the swing starts from (trunk) and the bone's parent.
-        joints: hip or shoulder, knee or elbow, ankle or wrist.
-        bend: (3,) bend direction of the middle joint at rest.
-        rest: (52, 3) offsets.
-    """
+    """Write the rotations of a limb's two bones between `joints` into `world` (n, 22, 3, 3); `parents` are the joint
+    whose rotation the swing starts from (trunk) and the bone's parent, `bend` (3,) the bend direction at rest."""
     a, b, c = joints
     first, second = normalised(p[:, b] - p[:, a]), normalised(p[:, c] - p[:, b])
     calm = _swung(world[:, parents[1]], normalised(rest[b]), first)

@@ -40,12 +40,8 @@ def _wrist(tracks: MotionTracks, hand: str, from_shoulder: FloatArray, reach: fl
 def _repeat(
     t: FloatArray, rng: np.random.Generator, durations: Sequence[float], values: Sequence[Sequence[float]], speed: float
 ) -> FloatArray:
-    """(n, d) values of repeated key poses with a personal rhythm.
-
-    Args:
-        durations: time of the move to each key [s].
-        values: (k, d) key values; the first move starts from the last key.
-    """
+    """(n, d) values of repeated key poses (k, d) with a personal rhythm; `durations` [s] are of the move to each
+    key."""
     total = sum(durations) / speed
     clock = -rng.uniform(0.0, 1.0) * total
     times, states = [clock - 1e-3], [np.asarray(values[-1], float)]
@@ -105,16 +101,10 @@ def _to_and_fro(
     drawn_in: tuple[float, float],
     grip: Sequence[float],
 ) -> tuple[FloatArray, FloatArray]:
-    """Repeated reach of the hand in front of the body and back.
+    """(n,) grip and (n,) nearness (0 far .. 1 near) of a repeated reach of the hand in front of the body.
 
-    Args:
-        reaches: ranges of near, far, level and side of the wrist from the shoulder, in units of the arm's reach.
-        times: ranges of the times [s] out, held far, back and held near.
-        drawn_in: offset of the near position outwards and downwards.
-        grip: state of the hand at the end of each of the four.
-
-    Returns:
-        (n,) grip, and (n,) nearness, 0 far .. 1 near.
+    `reaches` are ranges of near, far, level and side of the wrist from the shoulder [arm's reach], `times` of out, held
+    far, back and held near [s]; `drawn_in` offsets the near position outwards and downwards.
     """
     reach = _ready(tracks, rng, hand)
     near, far, level, side = (rng.uniform(*between) for between in reaches)

@@ -42,17 +42,11 @@ def _leave_floor(
     slack: float,
     tuck: float,
 ) -> None:
-    """Append knots of the feet's height during a flight.
+    """Append knots of the feet's height in a flight from `off` to `on` [s], with vertical speeds `take_off` and
+    `landing`.
 
     The feet start from rest while the body has full speed: the legs extend by `slack` [m], then the feet fly with the
-    body; reversed before landing.
-
-    Args:
-        times, states: knots [s] and (height [m], speed, acceleration), extended in place.
-        off, on: times of leaving and touching the floor [s].
-        take_off, landing: vertical speeds of the body then, both positive [m/s].
-        slack: [m].
-        tuck: height by which the legs are drawn up in between [m].
+    body; reversed before landing. `tuck` is the height by which they are drawn up in between [m].
     """
     rise, fall = (min(2.0 * slack / v, 0.4 * (on - off)) for v in (take_off, landing))
     up = take_off * rise - 0.5 * GRAVITY * rise**2 - slack

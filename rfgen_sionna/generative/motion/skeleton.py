@@ -86,16 +86,6 @@ class Skeleton:
                 positions[j] = positions[p] + self.offsets[j]
         return positions
 
-    def scaled(self, factor: float) -> Skeleton:
-        """Skeleton of the same proportions, `factor` times the size."""
-        return Skeleton(
-            self.offsets * factor,
-            self.ankle_height * factor,
-            self.heel * factor,
-            self.toe_height * factor,
-            self.arm_slope,
-        )
-
 
 def forward_kinematics(
     rotations: FloatArray, translation: FloatArray, offsets: FloatArray, parents: tuple[int, ...]

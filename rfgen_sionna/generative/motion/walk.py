@@ -43,7 +43,8 @@ class WalkPath:
 
     def at(self, t: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """x, y [m] and heading [rad] at `t` [s]."""
-        return tuple(np.interp(t, self.t, c) for c in (self.x, self.y, self.heading))  # type: ignore[return-value]
+        x, y, heading = (np.interp(t, self.t, c) for c in (self.x, self.y, self.heading))
+        return x, y, heading
 
 
 def back_and_forth(

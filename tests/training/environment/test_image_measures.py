@@ -21,6 +21,7 @@ from training.environment.contact_sheets import completed_sheet, sheet
 from training.environment.image_evaluation import examine, halves
 from training.environment.image_metrics import (
     Physical,
+    correctly_named,
     floor_share,
     law_distance,
     nearest,
@@ -91,13 +92,13 @@ def test_splits_and_halves_share_no_room(corpus: ViewCorpus) -> None:
 def test_the_judge_tells_places_apart_and_an_examination_reports(corpus: ViewCorpus, model, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     classifier = train_classifier(corpus.images, corpus.places, corpus.views, steps=80, items=32)
     probabilities = classifier.classify(corpus.images, corpus.views)[1]
-    assert classifier.right(probabilities, corpus.places).mean() > 0.9
+    assert correctly_named(probabilities, corpus.places).mean() > 0.9
     pairs = np.arange(16) // 4  # two views of each place in each layout
     assert (
-        classifier.right(probabilities, corpus.places, pairs).mean()
-        >= classifier.right(probabilities, corpus.places).mean()
+        correctly_named(probabilities, corpus.places, pairs).mean()
+        >= correctly_named(probabilities, corpus.places).mean()
     )
-    assert classifier.right(np.array([[-1.0, -2.0], [-9.0, -1.0]]), np.array([0, 0]), np.array([5, 5])).sum() == 0
+    assert correctly_named(np.array([[-1.0, -2.0], [-9.0, -1.0]]), np.array([0, 0]), np.array([5, 5])).sum() == 0
     figures, images, which = examine(
         model, corpus, np.arange(16), corpus.images, classifier, sampler=ImageSampler("ddim", 2, 1.0), each=4, seed=0
     )

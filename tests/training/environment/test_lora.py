@@ -113,7 +113,7 @@ def test_a_lora_of_other_weights_is_refused(lora: Path, model: Any, tmp_path: Pa
 
     torch.manual_seed(5)
     write_environment_model(tmp_path / BASE_FILE, replace(model, unet=model.shape.unet()))
-    with pytest.raises(LoraError, match=r"weights of 'model\d*' were others.*own base"):
+    with pytest.raises(LoraError, match=r"weights of 'model\d*' differ.*own base"):
         EnvironmentDiffusion(tmp_path, lora)
 
 

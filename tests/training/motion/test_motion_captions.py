@@ -6,8 +6,7 @@ import re
 
 import numpy as np
 
-from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
-from rfgen_sionna.generative.diffusion.wording import FRAGMENTS
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, FRAGMENTS
 from training.motion.exam_prompts import AMBIGUOUS, PARAPHRASES
 from training.motion.motion_captions import caption, negative
 

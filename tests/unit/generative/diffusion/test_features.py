@@ -20,7 +20,6 @@ from rfgen_sionna.generative.diffusion.features import (
     encode,
     heading,
     joint_positions,
-    mirrored,
     recentred,
     runs,
     turned,
@@ -30,7 +29,7 @@ from rfgen_sionna.generative.diffusion.postprocessing import clamp_joint_angles
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
 from rfgen_sionna.records import Motion
-from training.motion.motion_corpus import fit_hands
+from training.motion.motion_corpus import fit_hands, mirrored
 from training.motion.motion_metrics import out_of_limits
 
 SOURCE = KinematicSource(20.0)

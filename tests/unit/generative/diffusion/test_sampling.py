@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -98,7 +99,8 @@ def test_kept_frames_come_out_as_they_are(source: DiffusionSource) -> None:
 
 
 def test_skeletons_scale_the_path(source: DiffusionSource) -> None:
-    tall = MEAN_ADULT.scaled(1.2)
+    sizes = {name: 1.2 * getattr(MEAN_ADULT, name) for name in ("offsets", "ankle_height", "heel", "toe_height")}
+    tall = replace(MEAN_ADULT, **sizes)
     a, b = (source.generate("a person walks", duration=2.0, seed=1, skeleton=s) for s in (None, tall))
     assert np.allclose(b.translation[:, :2], 1.2 * a.translation[:, :2], atol=1e-9)
     assert np.array_equal(b.offsets, tall.offsets)

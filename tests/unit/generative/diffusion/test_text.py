@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, inflect
+from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, FRAGMENTS, OPEN_CLAUSES, inflect
 from rfgen_sionna.generative.diffusion.sentence_encoder import TextEncoder, pieces, stem, tokenise, words
 from rfgen_sionna.generative.diffusion.understanding import understand
-from rfgen_sionna.generative.diffusion.wording import FRAGMENTS, OPEN_CLAUSES
 from rfgen_sionna.generative.motion import ACTIONS
 from training.motion.motion_captions import vocabulary
 

@@ -16,7 +16,7 @@ from rfgen_sionna.generative.environment.conditional_prior import LatentPrior
 from rfgen_sionna.generative.environment.environment_model import EnvironmentModel, ModelFileError, read_model
 from rfgen_sionna.generative.environment.image_generation import ImageRequest, generate_images, with_layout_maps
 from rfgen_sionna.generative.environment.image_sampling import Conditioning, ImageSampler, noise_like, sample_images
-from rfgen_sionna.generative.environment.layout_map import CHANNELS, NO_LAYOUT_MAP, mirrored, render_layout_map
+from rfgen_sionna.generative.environment.layout_map import CHANNELS, NO_LAYOUT_MAP, render_layout_map
 from rfgen_sionna.generative.environment.place_encoder import ViewFacts
 from rfgen_sionna.generative.environment.primitives import Primitives, PrimitiveScene, fit_primitives
 from rfgen_sionna.generative.environment.room_selection import FIRST_SEED, PlaceRequest, choose_room
@@ -34,7 +34,7 @@ from training.environment.pir_data import PLACES, PirData
 from training.environment.render import render
 from training.environment.shards import LAYOUTS as LAYOUTS_OF_A_SET
 from training.environment.shards import Settings
-from training.environment.view_corpus import ViewCorpus
+from training.environment.view_corpus import ViewCorpus, mirrored_layout_map
 
 CODEC = PirCodec()
 AHEAD = View((32, 32), (70.0, 70.0), (0.0, 0.0, 1.0), (0.0, 0.1, 0.0))
@@ -160,7 +160,7 @@ def test_the_mirror_image_of_a_sketch_is_that_of_the_mirrored_place() -> None:
     one = primitive((3.0, 0.6, 0.8), (0.4, 0.7, 0.5), 0.3)
     other = primitive((3.0, -0.6, 0.8), (0.4, 0.7, 0.5), np.pi - 0.3)  # its front is mirrored, and its left
     flipped = render_layout_map(other, replace(view, orientation=(-0.2, 0.1, 0.0))).channels(other, ("box",), CODEC)
-    own = mirrored(render_layout_map(one, view).channels(one, ("box",), CODEC))
+    own = mirrored_layout_map(render_layout_map(one, view).channels(one, ("box",), CODEC))
     np.testing.assert_allclose(own, flipped, atol=1e-6)
 
 

@@ -29,7 +29,7 @@ from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 from training.environment.diffusers_pipelines import controlled, image_to_image, text_to_image
 from training.environment.fits import fit_autoencoder
-from training.environment.view_corpus import ViewCorpus
+from training.environment.view_corpus import ViewCorpus, mirrored_facts
 
 VIEW = ViewFacts((60.0, 60.0), 1.0, 0.1, 0.3)
 STEPS = 3
@@ -137,7 +137,7 @@ def test_what_a_view_is_reaches_the_model(model: EnvironmentModel) -> None:
         replace(VIEW, roll=0.2),
     ):
         assert torch.abs(view_tokens([other]) - first).max() > 0.05
-    assert VIEW.mirrored().mirrored() == VIEW
+    assert mirrored_facts(mirrored_facts(VIEW)) == VIEW
     silent = model.text.embed([""], [VIEW])
     assert torch.equal(silent[:, :1], words(model)[:, :1])
     assert torch.count_nonzero(silent[:, 1:]) == 0

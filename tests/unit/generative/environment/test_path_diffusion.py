@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rfgen_sionna.generative.environment.confidence_gate import ConfidenceGate
+from rfgen_sionna.generative.environment.classifier import ConfidenceGate
 from rfgen_sionna.generative.environment.environment_model import (
     CONTROL_FILE,
     EnvironmentModel,
@@ -21,7 +21,7 @@ from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 from training.environment.classifier_training import train_confidence_gate
-from training.environment.path_evaluation import pir_of
+from training.environment.path_evaluation import fit_confidence_gate, pir_of
 from training.environment.view_corpus import ViewCorpus
 from training.model_files import write_control
 
@@ -173,9 +173,11 @@ def test_gains_that_scatter_are_shrunk_and_complete_images_hold_them_down() -> N
     drawn = wanted + rng.normal(0.0, 2.0, wanted.shape)
     sure, alike = np.repeat([[0.0], [1.0]], 40, axis=1), np.ones((2, 40))
     # a fifth of the variance of what is drawn is chance: a bit more than the rest, for the common part, is applied
-    assert 0.7 < ConfidenceGate().fitted(sure, np.full(40, 2.0), drawn, wanted).share < 0.95
-    assert ConfidenceGate().fitted(sure, np.full(40, 2.0), wanted, wanted).share == 1.0
-    assert ConfidenceGate().fitted(alike, np.full(40, 2.0), wanted, wanted).share == pytest.approx(0.93 / 2.0)
+    assert 0.7 < fit_confidence_gate(ConfidenceGate(), sure, np.full(40, 2.0), drawn, wanted).share < 0.95
+    assert fit_confidence_gate(ConfidenceGate(), sure, np.full(40, 2.0), wanted, wanted).share == 1.0
+    assert fit_confidence_gate(ConfidenceGate(), alike, np.full(40, 2.0), wanted, wanted).share == pytest.approx(
+        0.93 / 2.0
+    )
 
 
 def test_what_is_known_of_completeness_travels_with_the_control_net(
