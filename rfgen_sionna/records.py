@@ -59,35 +59,28 @@ class MeshSequence(Protocol):
     @property
     def faces(self) -> IntArray:
         """(face, 3) vertex indices, counter-clockwise from outside."""
-        ...
 
     @property
     def part_names(self) -> tuple[str, ...]:
         """Names of the parts, at least one."""
-        ...
 
     @property
     def face_parts(self) -> IntArray:
         """(face,) index into `part_names`."""
-        ...
 
     @property
     def duration(self) -> float:
         """Length of the sequence [s], with constant poses outside; `inf` for a rigid mesh."""
-        ...
 
     def vertices(self, t: float) -> FloatArray:
         """(vertex, 3) positions at time `t` [s] in metres."""
-        ...
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints; empty for a mesh without skeleton."""
-        ...
 
     def joints(self, t: float) -> FloatArray:
         """(joint, 3) joint positions at time `t` [s] in metres."""
-        ...
 
 
 class PathKind(IntEnum):
@@ -326,5 +319,3 @@ class AdcCube:
     """(frame,) start of the first ramp of each frame [s]."""
     seed: int | None = None
     """Seed of the noise; None for a cube without noise."""
-
-    dims: Sequence[str] = ("frame", "chirp", "tx", "rx", "sample")

@@ -137,11 +137,11 @@ def test_processes_go_with_one_that_is_killed():
     script = """
 import os, time
 from rfgen_sionna.parallel import one_blas_thread
-from rfgen_sionna.processes import in_processes
+from rfgen_sionna.processes import map_in_processes
 def job(number):
     print(os.getpid(), flush=True)
     time.sleep(60)
-list(in_processes(job, [range(2), range(2, 4)], 2))
+list(map_in_processes(job, [range(2), range(2, 4)], 2))
 """
     with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as parent:
         children = [int(parent.stdout.readline()) for _ in range(2)]

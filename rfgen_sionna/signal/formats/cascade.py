@@ -165,10 +165,9 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
 
 def _configured(configs: Sequence[Path], hardware: Radar) -> Description:
     if len(configs) != 1:
-        return Description(hardware, None, None, None)
-    found = read_studio(configs[0], hardware, len(DEVICES))
+        return Description(hardware)
     # The index counts the frames: the host drops some.
-    return Description(found.radar, None, None, None, found.iq_swap)
+    return replace(read_studio(configs[0], hardware, len(DEVICES)), frame_times=None)
 
 
 def _receivers(radar: Radar) -> list[int]:

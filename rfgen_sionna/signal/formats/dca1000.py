@@ -17,7 +17,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.files import atomic_files, companion, data_file, need_file, whole_frames, write_json
 from rfgen_sionna.signal.formats.frames import Quantizer, WriteRequest, channel_numbers, complex_lsb, element_order
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, check_json, find_description, periodic_times
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, check_json, find_description
 from rfgen_sionna.signal.formats.studio import read_studio, setup_config, studio_config
 from rfgen_sionna.signal.formats.studio_chirps import CHECKED_FIELDS, FULL_SCALE, RX_PER_DEVICE
 
@@ -115,11 +115,7 @@ def _check_size(data: Path, config: Path, known: Description, hardware: Radar) -
 
 def _configured(data: Path, hardware: Radar) -> Description:
     config = companion(data, ".mmwave.json")
-    if not config.is_file():
-        return Description(hardware, None, None, None)
-    found = read_studio(config, hardware)
-    times = None if found.frames is None else periodic_times(found.frames, found.radar)
-    return Description(found.radar, None, times, None, found.iq_swap)
+    return read_studio(config, hardware) if config.is_file() else Description(hardware)
 
 
 def _device_band(radar: Radar) -> None:

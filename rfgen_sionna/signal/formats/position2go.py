@@ -128,7 +128,7 @@ def _check_trailers(
 
 def _configured(data: Path, hardware: Radar) -> Description:
     config = companion(data, ".xml")
-    return Description(radar_from_xml(config, hardware) if config.is_file() else hardware, None, None, None)
+    return Description(radar_from_xml(config, hardware) if config.is_file() else hardware)
 
 
 def _receivers(radar: Radar) -> list[int]:

@@ -104,7 +104,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     def same(found: Description) -> None:
         check_json(config, _config(found.radar), _CHECKED_FIELDS, sidecar, partial)
 
-    known = find_description(data, sidecar, radar, lambda hardware: Description(hardware, None, None, None), same)
+    known = find_description(data, sidecar, radar, lambda hardware: Description(hardware), same)
     loops, slots, channels, samples = known.radar.frame_shape
     stored = _open(data, (slots, channels, loops, samples), partial)
     frames = len(stored)

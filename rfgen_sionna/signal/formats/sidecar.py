@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +32,10 @@ class Description:
     """Radar, scale and times of a capture."""
 
     radar: Radar
-    scale: float | None
-    frame_times: FloatArray | None
+    scale: float | None = None
+    frame_times: FloatArray | None = None
     """(frame,) start of each frame [s]; None where neither times nor number of frames are declared."""
-    seed: int | None
+    seed: int | None = None
     iq_swap: bool = False
     """Whether Q stands before I."""
 
@@ -133,7 +133,7 @@ def with_radar(known: Description, radar: Radar | None, path: Path) -> Descripti
             f"radar '{radar.name}' gives frames (chirp, tx, rx, sample) of {ours}, firing {radar.waveform.slot_axis}; "
             f"'{path}' was taken with {theirs}, firing {known.radar.waveform.slot_axis}: leave `radar` out"
         )
-    return Description(radar, known.scale, known.frame_times, known.seed)
+    return replace(known, radar=radar)
 
 
 def check_json(path: Path, wanted: dict[str, Any], fields: Collection[str], sidecar: Path, partial: bool) -> None:
@@ -151,7 +151,8 @@ def check_json(path: Path, wanted: dict[str, Any], fields: Collection[str], side
     except CaptureFormatError as error:
         warn_or_raise(str(error), partial)
         return
-    _report(path, next(_differences(wanted, found, fields, ""), None), sidecar, partial)
+    leaves = ((field, value) for name, field, value in _json_leaves(wanted) if not name or name in fields)
+    _compare(path, leaves, {field: value for _, field, value in _json_leaves(found)}, sidecar, partial)
 
 
 def check_xml(path: Path, wanted: bytes, ignored: Collection[str], sidecar: Path, partial: bool) -> None:
@@ -163,46 +164,44 @@ def check_xml(path: Path, wanted: bytes, ignored: Collection[str], sidecar: Path
     except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two: unknown encodings
         warn_or_raise(f"'{path}' is not XML: {error}", partial)
         return
-    _report(path, next(_elements(ElementTree.fromstring(wanted), found, ignored), None), sidecar, partial)
+    leaves = (
+        (field, value) for name, field, value in _xml_leaves(ElementTree.fromstring(wanted)) if name not in ignored
+    )
+    _compare(path, leaves, {field: value for _, field, value in _xml_leaves(found)}, sidecar, partial)
 
 
-def _report(path: Path, difference: tuple[str, Any, Any] | None, sidecar: Path, partial: bool) -> None:
-    if difference is not None:
-        field, found, wanted = difference
-        state = "is missing" if found is None else f"is {found!r}"
-        warn_or_raise(f"'{path}': {field} {state}; {wanted!r} by '{sidecar.name}' beside it", partial)
-
-
-def _differences(wanted: Any, found: Any, fields: Collection[str], where: str) -> Iterator[tuple[str, Any, Any]]:
-    if isinstance(wanted, dict):
-        if not isinstance(found, dict):
-            yield where, found, wanted
+def _compare(
+    path: Path, wanted: Iterable[tuple[str, Any]], found: dict[str, Any], sidecar: Path, partial: bool
+) -> None:
+    for field, value in wanted:
+        if not _same(value, found.get(field)):
+            state = "is missing" if found.get(field) is None else f"is {found[field]!r}"
+            warn_or_raise(f"'{path}': {field} {state}; {value!r} by '{sidecar.name}' beside it", partial)
             return
-        for key, value in wanted.items():
-            inside = f"{where}.{key}" if where else key
-            if isinstance(value, (dict, list)):
-                if _has(value, fields):
-                    yield from _differences(value, found.get(key), fields, inside)
-            elif key in fields and not _same(value, found.get(key)):
-                yield inside, found.get(key), value
-    elif not isinstance(found, list):
-        yield where, found, wanted
-    else:
-        for index, value in enumerate(wanted):
-            other = found[index] if index < len(found) else None
-            if isinstance(value, (dict, list)):
-                yield from _differences(value, other, fields, f"{where}[{index}]")
-            elif not _same(value, other):
-                yield f"{where}[{index}]", other, value
-        if len(found) > len(wanted):
-            yield f"the number of {where}", len(found), len(wanted)
 
 
-def _has(value: Any, fields: Collection[str]) -> bool:
-    """Whether a field is anywhere inside; an empty list counts, by its length."""
+def _json_leaves(value: Any, name: str = "", path: str = "") -> Iterator[tuple[str, str, Any]]:
+    """Name, path and value of every entry; without a name, the length of every list."""
     if isinstance(value, dict):
-        return any(key in fields or _has(inner, fields) for key, inner in value.items())
-    return isinstance(value, list) and (not value or any(_has(inner, fields) for inner in value))
+        for key, inner in value.items():
+            yield from _json_leaves(inner, key, f"{path}.{key}" if path else key)
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            yield from _json_leaves(inner, name, f"{path}[{index}]")
+        yield "", f"the number of {path}", len(value)
+    else:
+        yield name, path, value
+
+
+def _xml_leaves(element: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
+    """Tag, path and value of every attribute and text of elements without children."""
+    for child in element:
+        inside = f"{path}/{child.tag}" if path else child.tag
+        if len(child):
+            yield from _xml_leaves(child, inside)
+        else:
+            yield from ((child.tag, f"{inside}/@{name}", value) for name, value in child.attrib.items())
+            yield child.tag, inside, (child.text or "").strip()
 
 
 def _same(wanted: Any, found: Any) -> bool:
@@ -222,26 +221,3 @@ def _number(value: Any) -> float | None:
         return float(value)
     except (TypeError, ValueError):
         return None
-
-
-def _elements(wanted: Any, found: Any, ignored: Collection[str]) -> Iterator[tuple[str, Any, Any]]:
-    for element, path in _leaves(wanted, ""):
-        if element.tag in ignored:
-            continue
-        other = found.find(path)
-        for name, value in element.attrib.items():
-            held = None if other is None else other.get(name)
-            if not _same(value, held):
-                yield f"{path}/@{name}", held, value
-        text, held = (element.text or "").strip(), None if other is None else (other.text or "").strip()
-        if not element.attrib and not _same(text, held):
-            yield path, held, text
-
-
-def _leaves(element: Any, path: str) -> Iterator[tuple[Any, str]]:
-    for child in element:
-        inside = f"{path}/{child.tag}" if path else child.tag
-        if len(child):
-            yield from _leaves(child, inside)
-        else:
-            yield child, inside

@@ -8,7 +8,7 @@ simulate, have mmWave Studio's defaults.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import CaptureFormatError
 from rfgen_sionna.signal.formats.files import read_json
 from rfgen_sionna.signal.formats.frames import channel_numbers
+from rfgen_sionna.signal.formats.sidecar import Description, periodic_times
 from rfgen_sionna.signal.formats.studio_chirps import (
     RX_PER_DEVICE,
     TX_PER_DEVICE,
@@ -157,17 +158,6 @@ def setup_config(radar: Radar, data: Path, config: Path) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class StudioConfig:
-    """Contents of a `.mmwave.json`."""
-
-    radar: Radar
-    frames: int | None
-    """None where the radar runs until it is stopped."""
-    iq_swap: bool
-    """Whether Q stands before I."""
-
-
 def radar_from_studio(path: Path, hardware: Radar) -> Radar:
     """`hardware` with the waveform and the Tx elements of a `.mmwave.json`.
 
@@ -179,7 +169,7 @@ def radar_from_studio(path: Path, hardware: Radar) -> Radar:
     return read_studio(path, hardware).radar
 
 
-def read_studio(path: Path, hardware: Radar, devices: int = 1) -> StudioConfig:
+def read_studio(path: Path, hardware: Radar, devices: int = 1) -> Description:
     """Read a `.mmwave.json`; `hardware` gives positions, pattern, power and noise."""
     config = read_json(path)
     try:
@@ -190,7 +180,7 @@ def read_studio(path: Path, hardware: Radar, devices: int = 1) -> StudioConfig:
         raise CaptureFormatError(f"'{path}': {error}") from error
 
 
-def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> StudioConfig:
+def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> Description:
     records = config["mmWaveDevices"]
     if len(records) != devices:
         raise ValueError(f"mmWaveDevices has {len(records)} entries; {devices} needed")
@@ -256,8 +246,9 @@ def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> StudioConfi
         rx_names=tuple(hardware.rx_names[index] for index in heard),
         rx_positions=hardware.rx_positions[heard],
     )
-    swapped = bool(raw["rlDevDataFmtCfg_t"]["iqSwapSel"])
-    return StudioConfig(radar, int(frame["numFrames"]) or None, swapped)
+    frames = int(frame["numFrames"])  # 0 runs until the radar is stopped
+    times = periodic_times(frames, radar) if frames else None
+    return Description(radar, frame_times=times, iq_swap=bool(raw["rlDevDataFmtCfg_t"]["iqSwapSel"]))
 
 
 def _bits(channels: Sequence[int], count: int) -> int:

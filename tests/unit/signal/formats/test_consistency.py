@@ -59,7 +59,7 @@ def test_a_damaged_configuration_is_told_of(tmp_path: Path, capture_format: str)
         (("rlChirps", 1, "rlChirpCfg_t", "txEnable"), "0x2", r"rlChirps\[1\].rlChirpCfg_t.txEnable is '0x2'; '0x4'"),
         (("rlChirps",), [], r"rlChirps\[0\]"),
         (("rlBpmChirps",), [{"rlBpmChirpCfg_t": {}}], "the number of .*rlBpmChirps is 1; 0"),
-        (("rlProfiles",), "none", "rlProfiles is 'none'"),
+        (("rlProfiles",), "none", r"rlProfiles\[0\].rlProfileCfg_t.profileId is missing"),
     ],
 )
 def test_a_field_of_the_json_that_contradicts_the_sidecar_is_named(
