@@ -32,6 +32,7 @@ from rfgen_sionna.tracing.reflectors import planar_reflections as bounces
 from rfgen_sionna.tracing.shadows import adaptive_sampling as sampling
 from rfgen_sionna.tracing.shadows import mirror_visibility as visibility
 from rfgen_sionna.tracing.shadows import visible_polygons as shadow_lines
+from rfgen_sionna.tracing.shadows.lattices import points_of
 from rfgen_sionna.tracing.static import static_reflections as static_bounces
 from rfgen_sionna.tracing.static import static_trace as static
 from rfgen_sionna.tracing.static import static_visibility
@@ -105,7 +106,7 @@ def _all_rays(
     moving, fraction = others.get("moving", False), found.fraction.copy()
     targets = rays.targets(viewpoint, corners[rest], facet[rest], moving)
     more_there = shadow_lines.crossed_by_edges(targets, level, fraction[rest] > 0)
-    rays_there = int(shadow_lines.points_of(level).sum())
+    rays_there = int(points_of(level).sum())
     rest, level, width = rest[more_there], level[more_there], width[more_there]
     unoccluded = shadow_lines.find_visible_polygons(
         rays.targets(viewpoint, corners[rest], facet[rest], moving), level, width
@@ -142,15 +143,15 @@ def _everywhere(places: Any) -> Any:
     return np.ones(places.shape[:-1])
 
 
-_EVERYWHERE = (tessellate, "demand", _as_in_the_beam)
-_BEHIND = (static, "behind", _everything)
+_EVERYWHERE = (tessellate, "required_splits", _as_in_the_beam)
+_BEHIND = (static, "in_shadow_cones", _everything)
 _FACING = (tracer, "collect_surfaces", _open_surfaces)
 _PAIRS = (gains, "MONOSTATIC", 0.0)
 _RAYS = tuple((module, "sample_visibility", _all_rays) for module in (sight, static, static_visibility))
 _ENERGY = ((ghosts, "OMITTED_SHARE", 0.0), (bounces, "OMITTED_SHARE", 0.0), (static_bounces, "OMITTED_SHARE", 0.0))
 _FAINT = (sight, "CULLED_PER_RTOL", 0.0)
 _PAIR = (instants, "PAIR_SPACING", 0.0)
-_VEILS = (veils.Transmission, "possible", lambda self, only=None, one_way=False: True)
+_VEILS = (veils.Transmission, "any_transmission", lambda self, only=None, one_way=False: True)
 
 SKIPS = (
     Skip("static parts are traced once", _patched()),
