@@ -185,7 +185,8 @@ def read_config(path: Path) -> dict[str, Any]:
 def check_config(table: dict[str, Any], where: str) -> None:
     """Check the keys and types of a parsed radar file; `where` names it in errors."""
     _check(table, "", where)
-    for section in ("array", "pattern", "transmitter", "receiver", "adc"):
+    sections = ("array", "pattern", "transmitter", "receiver", "adc")
+    for section in sections:
         _check(table[section], section, where)
     _check_array(table["array"], where)
     _check_pattern(table["pattern"], where)
@@ -213,7 +214,7 @@ def check_config(table: dict[str, Any], where: str) -> None:
         section, _, rest = key.partition(".")
         if section in ("", "source") or section not in table or (rest and rest not in table[section]):
             raise RadarConfigError(f"{where}: [source] names '{key}', which is not in the file")
-    for section in ("array", "pattern", "transmitter", "receiver", "adc"):
+    for section in sections:
         for key in table[section]:
             if key.endswith(("_names", "_deg")) or key == "kind":
                 continue

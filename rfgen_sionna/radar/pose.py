@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -37,31 +38,29 @@ def rotation_matrix(orientation: ArrayLike) -> FloatArray:
     )
 
 
-def vector(name: str, value: Any) -> Vector:
-    """Three finite numbers.
-
-    Raises
-    ------
-    ValueError
-        `value` is anything else; the message names `radar.<name>`.
-    """
+def vector(name: str, value: Any, owner: str = "radar.") -> Vector:
+    """Three finite numbers; ValueError that names `owner` and `name` for anything else."""
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ValueError(f"radar.{name} is {value!r}: three finite numbers are needed") from None
+        array = np.zeros(0)
     if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise ValueError(f"radar.{name} is {value!r}: three finite numbers are needed")
+        raise ValueError(f"{owner}{name} is {value!r}: three finite numbers are needed")
     return float(array[0]), float(array[1]), float(array[2])
 
 
-def look_at_angles(position: Vector, target: Vector) -> Vector:
-    """Yaw, pitch and zero roll [rad] of a device at `position` with its boresight through `target` (world) [m].
+def pose_at(trajectory: Callable[[float], Any], t: float, orientation: Vector, owner: str) -> tuple[Vector, Vector]:
+    """Position and orientation of a trajectory at time `t` [s]; `orientation` for one that returns a position alone."""
+    place = trajectory(float(t))
+    if isinstance(place, (tuple, list)) and len(place) == 2:
+        place, orientation = place
+    name = f"trajectory at t = {t} s"
+    return vector(f"{name}: position", place, owner), vector(f"{name}: orientation", orientation, owner)
 
-    Raises
-    ------
-    ValueError
-        Both points coincide.
-    """
+
+def look_at_angles(position: Vector, target: Vector) -> Vector:
+    """Yaw, pitch and zero roll [rad] of a device at `position` with its boresight through `target` (world) [m];
+    ValueError if both points coincide."""
     x, y, z = np.subtract(target, position)
     if np.hypot(np.hypot(x, y), z) < 1e-9:
         raise ValueError(f"radar.look_at is the radar's own position {position}: choose another point")
@@ -90,9 +89,7 @@ class Trajectory:
     def __post_init__(self) -> None:
         times = np.asarray(self.times, dtype=np.float64)
         if times.ndim != 1 or len(times) < 2 or not np.all(np.isfinite(times)) or not np.all(np.diff(times) > 0):
-            raise ValueError(
-                f"trajectory.times is {self.times!r}: at least two finite times [s], ascending, are needed"
-            )
+            raise ValueError(f"trajectory.times is {self.times!r}: at least two finite, ascending times [s] are needed")
         object.__setattr__(self, "times", tuple(times.tolist()))
         for name in ("positions", "orientations"):
             value = getattr(self, name)

@@ -15,7 +15,7 @@ from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
 from rfgen_sionna.radar.device import radar_fields, radar_file
 from rfgen_sionna.radar.pattern import Pattern, pattern_record
-from rfgen_sionna.radar.pose import POLARIZATIONS, Trajectory, Vector, look_at_angles, rotation_matrix, vector
+from rfgen_sionna.radar.pose import POLARIZATIONS, Trajectory, Vector, look_at_angles, pose_at, rotation_matrix, vector
 from rfgen_sionna.radar.radar_record import fields_from_record, waveform_record
 from rfgen_sionna.radar.slots import slot_label
 from rfgen_sionna.radar.waveform import Waveform
@@ -143,11 +143,7 @@ class Radar:
         return made if trajectory is None else replace(made, trajectory=trajectory)
 
     def placed(
-        self,
-        *,
-        position: Vector | None = None,
-        orientation: Vector | None = None,
-        look_at: Vector | None = None,
+        self, *, position: Vector | None = None, orientation: Vector | None = None, look_at: Vector | None = None
     ) -> Radar:
         """A copy at another pose [m, rad]; None keeps a value, `look_at` [m] replaces `orientation`, without roll.
 
@@ -170,10 +166,7 @@ class Radar:
         """World position [m] and yaw, pitch, roll [rad] at time `t` [s]."""
         if self.trajectory is None:
             return self.position, self.orientation
-        place = self.trajectory(float(t))
-        turned = isinstance(place, (tuple, list)) and len(place) == 2
-        position, orientation = place if turned else (place, self.orientation)
-        return vector("trajectory: position", position), vector("trajectory: orientation", orientation)
+        return pose_at(self.trajectory, t, self.orientation, "radar.")
 
     def at(self, t: float) -> Radar:
         """The radar at rest at its pose of time `t` [s]."""

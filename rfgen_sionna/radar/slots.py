@@ -25,8 +25,7 @@ class Slot:
     """
 
     phases_deg: tuple[float | None, ...]
-    """(tx,) radiated phase in the first loop [degrees]; None turns an element off. The mixer conjugates: the samples
-    have the opposite phase."""
+    """(tx,) radiated phase in the first loop [degrees], opposite in the mixed samples; None turns an element off."""
     profile: int = 0
     """Index of the ramp's profile."""
     advance_deg: tuple[float, ...] = ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,8 +13,6 @@ import numpy as np
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.radar.profile import Profile, is_number
 from rfgen_sionna.radar.slots import Slot, check_slots, doppler_gap, multiplexing_of
-
-_PROFILE = tuple(field.name for field in fields(Profile))
 
 
 @dataclass(frozen=True)
@@ -63,8 +61,7 @@ class Waveform:
     loop_time: float | None = None
     """Loop period [s]; None takes the duration of the slots."""
     separated: bool = False
-    """Whether demultiplexing has separated the simultaneous Tx elements of a single slot; the axis "tx" then counts
-    elements."""
+    """Whether demultiplexing has separated the Tx elements of a single slot; the axis "tx" then counts elements."""
 
     def __post_init__(self) -> None:
         for name in ("num_samples", "num_loops"):
@@ -106,7 +103,7 @@ class Waveform:
     @cached_property
     def profiles(self) -> tuple[Profile, ...]:
         """All profiles; the fields of this class are the first one."""
-        return (Profile(*(getattr(self, name) for name in _PROFILE)), *self.other_profiles)
+        return (Profile(*(getattr(self, field.name) for field in fields(Profile))), *self.other_profiles)
 
     @property
     def num_slots(self) -> int:
@@ -166,7 +163,7 @@ class Waveform:
         chosen, used, profile = list(self.profile_axis(number)), self.profile_tx(number), self.profiles[number]
         return replace(
             self,
-            **{name: getattr(profile, name) for name in _PROFILE},
+            **asdict(profile),
             other_profiles=(),
             slots=tuple(self.slots[index].only(used) for index in chosen),
             slot_starts=tuple(self.slot_times[chosen].tolist()),

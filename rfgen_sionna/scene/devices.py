@@ -14,7 +14,7 @@ from rfgen_sionna.scene.mitsuba_backend import ensure_backend
 from rfgen_sionna.scene.scene import RadarScene
 
 if TYPE_CHECKING:
-    from rfgen_sionna.scene.sionna_array import RadarReceiver, RadarTransmitter
+    from rfgen_sionna.scene.sionna_array import ArrayEnd, RadarReceiver, RadarTransmitter
 
 TABLE_STEP = 2.0
 """Grid step of tables of registered patterns [degrees]: the 3GPP pattern errs by 0.003 dB."""
@@ -65,10 +65,7 @@ def sionna_scene(scene: Any) -> Any:
 
     inside = scene.sionna if isinstance(scene, RadarScene) else scene
     if not isinstance(inside, sionna.rt.Scene):
-        raise TypeError(
-            f"scene: {type(scene).__name__} given, a scene of rfgen_sionna.scene.load_scene or a sionna.rt.Scene is "
-            "needed"
-        )
+        raise TypeError(f"scene: {type(scene).__name__} given, a RadarScene or a sionna.rt.Scene is needed")
     return inside
 
 
@@ -107,22 +104,21 @@ def add_radar(scene: RadarScene | Any, radar: Radar, name: str | None = None) ->
 
     radar = tabulated(radar)
     name = radar.name if name is None else name
-    for ending, known in (("tx", inside.transmitters), ("rx", inside.receivers)):
-        if f"{name}_{ending}" in known:
-            raise ValueError(f"name is {name!r}: the scene has a device '{name}_{ending}' already; choose another name")
-    tx_fits = isinstance(inside.tx_array, RadarArray) and inside.tx_array.matches_end(radar, "tx")
-    rx_fits = isinstance(inside.rx_array, RadarArray) and inside.rx_array.matches_end(radar, "rx")
-    for end, fits, known in (("tx", tx_fits, inside.transmitters), ("rx", rx_fits, inside.receivers)):
-        if known and not fits:
+    known: dict[ArrayEnd, Any] = {"tx": inside.transmitters, "rx": inside.receivers}
+    for end in known:
+        if f"{name}_{end}" in known[end]:
+            raise ValueError(f"name is {name!r}: the scene has a device '{name}_{end}' already; choose another name")
+    arrays = {end: getattr(inside, f"{end}_array") for end in known}
+    other = [end for end in known if not (isinstance(arrays[end], RadarArray) and arrays[end].matches_end(radar, end))]
+    for end in other:
+        if known[end]:
             raise ValueError(
-                f"radar '{radar.name}': the scene's {end}_array serves the devices {', '.join(known)} and has other "
-                "elements; Sionna keeps one array per scene: radars of different kinds take turns, in "
+                f"radar '{radar.name}': the scene's {end}_array serves the devices {', '.join(known[end])} and has "
+                "other elements; Sionna keeps one array per scene: radars of different kinds take turns, in "
                 "radar_alone(scene, radar)"
             )
-    if not tx_fits:
-        inside.tx_array = RadarArray(radar, "tx")
-    if not rx_fits:
-        inside.rx_array = RadarArray(radar, "rx")
+    for end in other:
+        setattr(inside, f"{end}_array", RadarArray(radar, end))
     devices = RadarTransmitter(radar, f"{name}_tx"), RadarReceiver(radar, f"{name}_rx")
     inside.add(list(devices))
     return devices

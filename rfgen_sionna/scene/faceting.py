@@ -103,11 +103,7 @@ class PlaneParts:
 
 
 def find_plane_parts(
-    vertices: FloatArray,
-    faces: IntArray,
-    edge: NDArray[np.int64],
-    other: NDArray[np.int64],
-    turn: FloatArray,
+    vertices: FloatArray, faces: IntArray, edge: NDArray[np.int64], other: NDArray[np.int64], turn: FloatArray
 ) -> PlaneParts:
     """Plane parts of a mesh.
 

@@ -46,10 +46,8 @@ def load_scene(scene: Any = None, frequency: float | None = None, outside: Outsi
         return RadarScene(name, path, frequency=frequency, outside=outside)
     if type(scene).__name__ == "Scene" and hasattr(scene, "mi_scene") and hasattr(scene, "radio_materials"):
         return RadarScene("sionna scene", scene=scene, frequency=frequency, outside=outside)
-    raise TypeError(
-        f"scene: {type(scene).__name__} given, allowed are a name, the path of a Mitsuba XML file, a sionna.rt.Scene "
-        "or None"
-    )
+    allowed = "a name, the path of a Mitsuba XML file, a sionna.rt.Scene or None"
+    raise TypeError(f"scene: {type(scene).__name__} given, allowed are {allowed}")
 
 
 def available_scenes() -> dict[str, Path]:

@@ -53,21 +53,13 @@ TABLE: dict[str, tuple[Permittivity, str]] = {  # new materials go here
     ),
     "skin": (
         ColeCole(
-            eps_inf=4.0,
-            delta=(32.0, 1100.0, 0.0, 0.0),
-            tau=(7.234e-12, 32.481e-9, 159.155e-6, 15.915e-3),
-            alpha=(0.0, 0.2, 0.2, 0.2),
-            sigma=0.0002,
+            4.0, (32.0, 1100.0, 0.0, 0.0), (7.234e-12, 32.481e-9, 159.155e-6, 15.915e-3), (0.0, 0.2, 0.2, 0.2), 0.0002
         ),
         _GABRIEL + "dry skin",
     ),
     "wet_skin": (
         ColeCole(
-            eps_inf=4.0,
-            delta=(39.0, 280.0, 3e4, 3e4),
-            tau=(7.958e-12, 79.577e-9, 1.592e-6, 1.592e-3),
-            alpha=(0.1, 0.0, 0.16, 0.2),
-            sigma=0.0004,
+            4.0, (39.0, 280.0, 3e4, 3e4), (7.958e-12, 79.577e-9, 1.592e-6, 1.592e-3), (0.1, 0.0, 0.16, 0.2), 0.0004
         ),
         _GABRIEL + "wet skin",
     ),
@@ -84,14 +76,8 @@ TABLE: dict[str, tuple[Permittivity, str]] = {  # new materials go here
         LossTangent(2.7, 0.01, _MILLIMETRE),
         _ASSUMED + "housings of ABS or polycarbonate, non-polar enough to be flat over the band",
     ),
-    "rubber": (
-        LossTangent(3.0, 0.05, _MILLIMETRE),
-        _ASSUMED + "tyres and soles, filler content changes it",
-    ),
-    "leather": (
-        LossTangent(2.5, 0.07, _MILLIMETRE),
-        _ASSUMED + "upholstery and shoes",
-    ),
+    "rubber": (LossTangent(3.0, 0.05, _MILLIMETRE), _ASSUMED + "tyres and soles, filler content changes it"),
+    "leather": (LossTangent(2.5, 0.07, _MILLIMETRE), _ASSUMED + "upholstery and shoes"),
     "soil": (
         LossTangent(4.0, 0.15, _MILLIMETRE),
         _ASSUMED + "dry loam or sand with a few percent of water; wet soil reflects more",
@@ -103,23 +89,9 @@ TABLE: dict[str, tuple[Permittivity, str]] = {  # new materials go here
 }
 
 ALIASES: dict[str, str] = {
-    "air": "vacuum",
-    "free_space": "vacuum",
-    "acrylic": "clear_acrylic",
-    "aluminium": "metal",
-    "aluminum": "metal",
-    "asphalt": "asphalt_concrete",
-    "car": "metal",
-    "car_body": "metal",
-    "carpet": "carpet_tile",
-    "cotton": "clothing",
-    "drywall": "plasterboard",
-    "dry_skin": "skin",
-    "fabric": "clothing",
-    "human_skin": "skin",
-    "perfect_conductor": "pec",
-    "steel": "metal",
-    "textile": "clothing",
-    "upholstery": "clothing",
+    "air": "vacuum", "free_space": "vacuum", "acrylic": "clear_acrylic", "aluminium": "metal", "aluminum": "metal",
+    "asphalt": "asphalt_concrete", "car": "metal", "car_body": "metal", "carpet": "carpet_tile",
+    "cotton": "clothing", "drywall": "plasterboard", "dry_skin": "skin", "fabric": "clothing", "human_skin": "skin",
+    "perfect_conductor": "pec", "steel": "metal", "textile": "clothing", "upholstery": "clothing",
     "vinyl": "vinyl_tile",
-}
+}  # fmt: skip

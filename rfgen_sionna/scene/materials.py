@@ -20,7 +20,7 @@ from scipy.constants import epsilon_0
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.scene.material_table import ALIASES, TABLE
-from rfgen_sionna.scene.permittivity import Outside, Permittivity, Range, complex_permittivity
+from rfgen_sionna.scene.permittivity import Outside, Permittivity, complex_permittivity
 from rfgen_sionna.scene.scattering import LAMBERTIAN, ScatteringPattern
 from rfgen_sionna.scene.scene_errors import MaterialError, MaterialRangeWarning
 
@@ -94,11 +94,6 @@ class Material:
                 "most 0 (loss) is needed"
             )
 
-    @property
-    def valid_ranges_hz(self) -> tuple[Range, ...]:
-        """Frequencies [Hz] that the source covers."""
-        return self.model.ranges
-
     def covers(self, frequency: float) -> bool:
         """Whether the source covers `frequency` [Hz]."""
         return any(low <= frequency <= high for low, high in self.model.ranges)
@@ -146,7 +141,7 @@ class Material:
 
     def describe_ranges(self) -> str:
         """Covered frequencies as text."""
-        return ", ".join(f"{low / 1e9:g}-{high / 1e9:g} GHz" for low, high in self.valid_ranges_hz)
+        return ", ".join(f"{low / 1e9:g}-{high / 1e9:g} GHz" for low, high in self.model.ranges)
 
 
 MATERIALS: Mapping[str, Material] = MappingProxyType(

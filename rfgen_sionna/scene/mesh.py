@@ -111,13 +111,10 @@ def _check_used_vertices(points: FloatArray, triangles: IntArray, name: str) -> 
     """Refuse NaN, infinite or too large coordinates of used vertices."""
     used = np.arange(len(points))[used_vertices(triangles)[0]]
     places = points[used]
+    limit = f"; coordinates of at most {MAX_COORDINATE:g} m are allowed"
     for wrong, what, needed in (
         (~np.isfinite(places).all(axis=1), "NaN or infinite", ""),
-        (
-            (np.abs(places) > MAX_COORDINATE).any(axis=1),
-            "too far off",
-            f"; coordinates of at most {MAX_COORDINATE:g} m are allowed",
-        ),
+        ((np.abs(places) > MAX_COORDINATE).any(axis=1), "too far off", limit),
     ):
         bad = used[wrong]
         if len(bad):

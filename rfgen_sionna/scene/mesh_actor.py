@@ -6,14 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
-from rfgen_sionna.radar.pose import rotation_matrix
+from rfgen_sionna.radar.pose import Vector, pose_at, rotation_matrix, vector
 from rfgen_sionna.records import MeshSequence
 from rfgen_sionna.scene.materials import Material, material
 from rfgen_sionna.scene.mesh import RigidMesh
@@ -23,7 +21,6 @@ MAX_SPEED = 0.01 * SPEED_OF_LIGHT
 """Largest constant velocity [m/s]: the tracer neglects motion during the travel time."""
 _PROBE_TIMES = (0.0, 0.236, 0.382, 0.618, 0.854, 1.0)
 """Tests for closed seams, as shares of the duration; in phase with no motion cycle."""
-Vector: TypeAlias = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +58,7 @@ class MeshActor:
         if not isinstance(self.name, str) or not self.name:
             raise ValueError(f"name: {self.name!r} given, a text that is not empty is needed")
         for field in ("position", "orientation", "velocity"):
-            object.__setattr__(self, field, _vector(getattr(self, field), f"{self.name}: {field}"))
+            object.__setattr__(self, field, vector(field, getattr(self, field), f"{self.name}: "))
         speed = math.hypot(*self.velocity)
         if speed > MAX_SPEED:
             raise ValueError(
@@ -84,9 +81,9 @@ class MeshActor:
         mesh: Any,
         *,
         material: str | Material = "",
-        position: ArrayLike = (0.0, 0.0, 0.0),
-        velocity: ArrayLike = (0.0, 0.0, 0.0),
-        orientation: ArrayLike = (0.0, 0.0, 0.0),
+        position: Vector = (0.0, 0.0, 0.0),
+        velocity: Vector = (0.0, 0.0, 0.0),
+        orientation: Vector = (0.0, 0.0, 0.0),
         trajectory: Callable[[float], Any] | None = None,
         name: str | None = None,
     ) -> MeshActor:
@@ -105,18 +102,8 @@ class MeshActor:
             FileNotFoundError, IsADirectoryError: the path is no file.
             TypeError: `mesh` is none of the above.
         """
-        if name is None and isinstance(mesh, (str, Path)):
-            name = Path(mesh).stem
         rigid = RigidMesh.load(mesh, name)
-        return cls(
-            rigid,
-            material,
-            name=rigid.name,
-            position=position,  # type: ignore[arg-type]  # checked and turned into a tuple on construction
-            velocity=velocity,  # type: ignore[arg-type]
-            orientation=orientation,  # type: ignore[arg-type]
-            trajectory=trajectory,
-        )
+        return cls(rigid, material, rigid.name, position, orientation, velocity, trajectory)
 
     @property
     def properties(self) -> Material:
@@ -155,14 +142,11 @@ class MeshActor:
 
     def pose(self, t: float) -> tuple[FloatArray, FloatArray]:
         """World position (3,) [m] and rotation (3, 3) from the actor's frame to the world at time `t` [s]."""
-        orientation: ArrayLike = self.orientation
         if self.trajectory is None:
             position = np.asarray(self.position) + float(t) * np.asarray(self.velocity)
-        else:
-            place, orientation = _split_pose(self.trajectory(float(t)), self.orientation)
-            position = np.asarray(_vector(place, f"{self.name}: position on the trajectory at t = {t} s"))
-            orientation = _vector(orientation, f"{self.name}: orientation on the trajectory at t = {t} s")
-        return position, rotation_matrix(orientation)
+            return position, rotation_matrix(self.orientation)
+        place, orientation = pose_at(self.trajectory, t, self.orientation, f"{self.name}: ")
+        return np.asarray(place), rotation_matrix(orientation)
 
     def vertices(self, t: float) -> FloatArray:
         """(vertex, 3) world positions [m] at time `t` [s]."""
@@ -175,20 +159,3 @@ class MeshActor:
     def _to_world(self, points: FloatArray, t: float) -> FloatArray:
         position, rotation = self.pose(t)
         return np.asarray(points, np.float64) @ rotation.T + position
-
-
-def _vector(value: Any, what: str) -> Vector:
-    try:
-        array = np.asarray(value, np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{what}: {value!r} given, three numbers are needed") from None
-    if array.shape != (3,) or not np.isfinite(array).all():
-        raise ValueError(f"{what}: {value!r} given, three finite numbers are needed")
-    return float(array[0]), float(array[1]), float(array[2])
-
-
-def _split_pose(pose: Any, orientation: Vector) -> tuple[Any, Any]:
-    """Position and orientation of a trajectory's value; three numbers are a position alone."""
-    if isinstance(pose, (tuple, list)) and len(pose) == 2:
-        return pose[0], pose[1]
-    return pose, orientation

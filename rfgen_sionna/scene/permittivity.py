@@ -25,11 +25,9 @@ class Permittivity(Protocol):
     @property
     def ranges(self) -> tuple[Range, ...]:
         """Frequencies [Hz] that the source covers."""
-        ...
 
     def evaluate(self, frequency: float, outside: Outside) -> tuple[float, float]:
         """(eps', sigma [S/m]) at one frequency [Hz]; `outside` "raise" has been checked before."""
-        ...
 
 
 def complex_permittivity(model: Permittivity, frequencies: FloatArray, outside: Outside) -> ComplexArray:

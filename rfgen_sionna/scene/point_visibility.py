@@ -74,10 +74,13 @@ class PointVisibility:
             of: (ray,) piece of each target.
             places: (ray, 3) barycentric coordinates on it.
         """
+        import mitsuba as mi
+
         found = np.empty(len(of), np.bool_)
         for part in _chunks(len(of)):
-            piece, place = self._lanes(of[part], places[part])
-            found[part] = self._visible(piece, place).numpy()
+            piece = upload(mi.UInt32, of[part])
+            blocked, _ = self._occlusion(piece, _vectors(self._double, places[part], len(piece)))
+            found[part] = (~blocked).numpy()
         return found
 
     def edges(
@@ -99,8 +102,8 @@ class PointVisibility:
         found, occluder = np.empty((len(of), 3)), np.empty(len(of))
         often = np.broadcast_to(np.asarray(halvings), (len(of),))
         for part in _chunks(len(of)):
-            piece, near = self._lanes(of[part], unoccluded[part])
-            far = _vectors(self._double, occluded[part], len(piece))
+            piece = upload(mi.UInt32, of[part])
+            near, far = (_vectors(self._double, each[part], len(piece)) for each in (unoccluded, occluded))
             middle, share = self._halved(piece, near, far, upload(mi.UInt32, often[part]))
             dr.eval(*middle, share)
             for axis, values in enumerate(middle):
@@ -116,7 +119,7 @@ class PointVisibility:
         def halve(*state: Any) -> tuple[Any, ...]:
             unoccluded, occluded = state[1:4], state[4:]
             middle = [0.5 * (a + b) for a, b in zip(unoccluded, occluded, strict=True)]
-            visible = self._visible(piece, middle)
+            visible = ~self._occlusion(piece, middle)[0]
             unoccluded = tuple(dr.select(visible, m, a) for m, a in zip(middle, unoccluded, strict=True))
             occluded = tuple(dr.select(visible, b, m) for m, b in zip(middle, occluded, strict=True))
             return state[0] + 1, *unoccluded, *occluded
@@ -125,14 +128,6 @@ class PointVisibility:
         ends = dr.while_loop(start, lambda *state: state[0] < count, halve, mode=self._mode)[1:]
         blocked, share = self._occlusion(piece, ends[3:])
         return [0.5 * (a + b) for a, b in zip(ends[:3], ends[3:], strict=True)], dr.select(blocked, share, 1.0)
-
-    def _lanes(self, of: NDArray[np.intp], places: FloatArray) -> tuple[Any, list[Any]]:
-        import mitsuba as mi
-
-        return upload(mi.UInt32, of), _vectors(self._double, places, len(of))
-
-    def _visible(self, piece: Any, place: list[Any]) -> Any:
-        return ~self._occlusion(piece, place)[0]
 
     def _occlusion(self, piece: Any, place: Any) -> tuple[Any, Any]:
         """Whether points are occluded, and the occluder's distance over theirs."""

@@ -23,10 +23,7 @@ PREFIX = "rfgen_"
 
 
 def sionna_material(
-    of: str | Material,
-    name: str | None = None,
-    thickness: float | None = None,
-    outside: Outside = "extrapolate",
+    of: str | Material, name: str | None = None, thickness: float | None = None, outside: Outside = "extrapolate"
 ) -> Any:
     """A `sionna.rt.RadioMaterial` whose permittivity follows `scene.frequency`.
 

@@ -280,12 +280,7 @@ class RayScene:
         return [(layer, first) for layer, first, wanted in layers if layer is not None and wanted]
 
     def targets(
-        self,
-        viewpoint: FloatArray,
-        corners: FloatArray,
-        facets: IntArray,
-        moving: bool = False,
-        bundled: bool = False,
+        self, viewpoint: FloatArray, corners: FloatArray, facets: IntArray, moving: bool = False, bundled: bool = False
     ) -> PointVisibility:
         """Visibility of points on facets at the present positions of the objects.
 

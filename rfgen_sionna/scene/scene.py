@@ -230,15 +230,6 @@ class RadarScene:
         self.frequency = float(frequency)
         warn_uncovered([o.properties for o in objects], frequency, stacklevel=2)
 
-    @property
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest corner (3,) of all objects [m]; NaN in free space."""
-        if not self.objects:
-            return np.full(3, np.nan), np.full(3, np.nan)
-        low = np.min([o.vertices.min(axis=0) for o in self.objects], axis=0)
-        high = np.max([o.vertices.max(axis=0) for o in self.objects], axis=0)
-        return low, high
-
 
 def _read(path: Path, variant: str) -> Any:
     """Sionna's `load_scene` with the materials of this package, unmerged shapes, and no evaluation at 3.5 GHz."""

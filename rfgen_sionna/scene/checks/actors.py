@@ -99,7 +99,6 @@ class Occluder(Protocol):
 
     def occluded(self, origins: FloatArray, targets: FloatArray, /) -> NDArray[np.bool_] | FloatArray:
         """(target,) occlusion of targets (target, 3) [m] from an origin (3,) [m], as a bool or a share 0 … 1."""
-        ...
 
 
 def is_occluded(radar: Radar, occluder: Occluder | None, actor: Obstacle, start: float, stop: float) -> bool:

@@ -34,12 +34,10 @@ class Obstacle(Protocol):
     @property
     def faces(self) -> IntArray:
         """(face, 3)"""
-        ...
 
     @property
     def vertices(self) -> Callable[[float], FloatArray]:
         """Time [s] to (vertex, 3) positions [m]."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -96,10 +94,7 @@ def nearest_surface(point: ArrayLike, scene: RadarScene) -> tuple[str, float]:
 
 
 def check_radar_clear(
-    position: ArrayLike,
-    scene: RadarScene | None,
-    actors: Sequence[Obstacle] = (),
-    t: float = 0.0,
+    position: ArrayLike, scene: RadarScene | None, actors: Sequence[Obstacle] = (), t: float = 0.0
 ) -> None:
     """Check the free space around a radar at time `t` [s].
 
@@ -122,11 +117,8 @@ def check_radar_clear(
         _check_gap(place, what, vertices, faces)
         if _surrounds(place, vertices, faces) != 0.0:
             extent = float(np.ptp(vertices, axis=0).max())
-            units = (
-                f", which is {extent:.4g} m long (coordinates are in metres: scale a mesh in millimetres by 0.001)"
-                if extent > LARGE_ACTOR
-                else ""
-            )
+            hint = f", which is {extent:.4g} m long (coordinates are in metres: scale a mesh in millimetres by 0.001)"
+            units = hint if extent > LARGE_ACTOR else ""
             raise SceneError(f"radar position {point_text(place)} m lies inside {what}{units}: move either")
     centres = [vertices.mean(axis=0) for _, vertices, _ in bodies]
     for item in scene.objects if scene else ():

@@ -62,7 +62,7 @@ def test_a_mesh_without_a_material_is_told_what_there_is():
         ),
         ({"material": ""}, MaterialError, "crate: no material given; known are"),
         ({"material": None}, TypeError, "name of a material"),
-        ({"position": (1, 2)}, ValueError, r"crate: position: \(1, 2\) given"),
+        ({"position": (1, 2)}, ValueError, r"crate: position is \(1, 2\)"),
         ({"velocity": (np.nan, 0, 0)}, ValueError, "crate: velocity"),
         (
             {"velocity": (0, 4e8, 0)},

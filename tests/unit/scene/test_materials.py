@@ -81,7 +81,7 @@ def test_everything_is_passive_and_finite_at_all_radar_frequencies(name, outside
     assert (eps.real >= 1.0).all()
     assert (eps.imag <= 0.0).all()
     assert MATERIALS[name].source
-    assert MATERIALS[name].valid_ranges_hz
+    assert MATERIALS[name].model.ranges
 
 
 def test_extrapolation_bridges_gaps_without_steps():
