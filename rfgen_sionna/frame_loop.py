@@ -26,7 +26,7 @@ TRIM_INTERVAL = 50
 """Number of frames after which free memory goes back to the system."""
 RUN = 4
 """Number of consecutive frames that one process computes."""
-TOLERANCE_SHARE = 0.3
+SYNTHESIS_SHARE = 0.3
 """Share of the tolerance for the sum of the paths."""
 MIN_EPS = 1e-7
 """Lower bound of the accuracy of a sum, where paths of one of many objects cancel."""
@@ -88,14 +88,8 @@ def frame_samples(
     sums `RUN` frames at a time, from the facets of the first frame, with the same samples for any number of them.
     The relative error of the sum of each object is a share of `rtol` (:func:`required_eps`).
 
-    Parameters
-    ----------
-    times
-        (frame,) starts of the frames [s].
-    gains, device
-        As `tx_gains` and `device` of :func:`rfgen_sionna.signal.synthesize`.
-    begun
-        Called after the trace of a static scene.
+    `times` (frame,) are starts of the frames [s]; `gains` and `device` are arguments of
+    :func:`rfgen_sionna.signal.synthesize`; `begun` is called after the trace of a static scene.
     """
 
     @one_blas_thread()
@@ -152,13 +146,13 @@ def _trim_memory() -> None:
 
 def required_eps(radar: Radar, paths: RadarPaths, rtol: float, num_static: int = 0) -> float:
     """`eps` of :func:`rfgen_sionna.signal.synthesize` for a relative error of each object's samples of at most
-    `TOLERANCE_SHARE` of `rtol`.
+    `SYNTHESIS_SHARE` of `rtol`.
 
     The error of a transform is relative to the energies of the single paths, the tolerance to the coherent sum of an
     object, which may be a thousandth for an oblique plate. The ratio is estimated for one element pair, at the middle
     time and three frequencies. The first `num_static` objects share one tolerance, relative to their single paths.
     """
-    loose, tight = TOLERANCE_SHARE * rtol, min(MIN_EPS, TOLERANCE_SHARE * rtol)
+    loose, tight = SYNTHESIS_SHARE * rtol, min(MIN_EPS, SYNTHESIS_SHARE * rtol)
     if not paths.num_paths:
         return loose
     gains, patterns = paths.a[0, 0], element_gains(radar, paths)

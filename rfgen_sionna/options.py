@@ -58,7 +58,7 @@ def check_options(
     Raises
     ------
     ValueError, TypeError
-        Naming the argument, its value and what is allowed.
+        Naming the argument, its value and the allowed values.
     """
     for name, value in (("overwrite", overwrite), ("noise", noise)):
         if not isinstance(value, bool):

@@ -165,7 +165,7 @@ def generate(
     Raises
     ------
     ValueError, TypeError
-        Before any long work, naming the argument, its value and what is allowed.
+        Before any long work, naming the argument, its value and the allowed values.
     """
     if surroundings is not None:
         warn_renamed("generate(surroundings=…)", "environment='furnished: …'")

@@ -112,7 +112,7 @@ class Simulator:
     Raises
     ------
     TypeError, ValueError
-        Naming the argument, its value and what is allowed, also for a radar inside an object or below the ground.
+        Naming the argument, its value and the allowed values, also for a radar inside an object or below the ground.
     """
 
     def __init__(
@@ -160,10 +160,9 @@ class Simulator:
                 actor.properties.check(radar.center_frequency, actor.name)
         warn_uncovered([actor.properties for actor in self.actors], radar.center_frequency)
         check_radar_clear(radar.position, self.scene, self.actors)
+        runs = [(actor, actor.duration if np.isfinite(actor.duration) else 0.0) for actor in self.actors]
         check_radar_placed(
-            radar.position,
-            self.scene,
-            lambda: not all(self.is_occluded(actor, 0.0, _end(actor)) for actor in self.actors),
+            radar.position, self.scene, lambda: not all(self.is_occluded(actor, 0.0, end) for actor, end in runs)
         )
         for actor in self.actors:
             warn_coarse(actor, stacklevel=2)
@@ -268,7 +267,7 @@ class Simulator:
         Raises
         ------
         TypeError, ValueError
-            Before any frame is traced, naming the argument, its value and what is allowed.
+            Before any frame is traced, naming the argument, its value and the allowed values.
         """
         if progress is not None and not callable(progress):
             raise TypeError(f"progress is {progress!r}: a function of two numbers of frames, or None, is needed")
@@ -373,10 +372,6 @@ class Simulator:
         if reach <= limit:
             why += ", but no surface within it is visible"
         warnings.warn(f"the radar receives nothing of scene '{self.scene.name}': {why}", stacklevel=3)
-
-
-def _end(actor: MeshActor) -> float:
-    return actor.duration if np.isfinite(actor.duration) else 0.0
 
 
 def _switch(name: str, value: Any) -> bool:

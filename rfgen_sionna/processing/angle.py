@@ -50,14 +50,10 @@ def compensate_tdm(channels: ComplexChannels, radar: Radar, velocity: ArrayLike)
     ----------
     channels
         (..., tx, rx) values of one Doppler bin each, with the axis "tx" of
-        :func:`~rfgen_sionna.processing.spectrum.range_doppler`.
+        :func:`~rfgen_sionna.processing.spectrum.range_doppler`; the result has the Tx elements of the radar.
     velocity
         (...) radial velocity [m/s] of that bin, positive receding. Multiples of `2 radar.max_velocity` added to it are
         other Doppler ambiguities, with the same spectrum and other channels.
-
-    Returns
-    -------
-    (..., tx, rx) with the Tx elements of the radar.
     """
     delay = entry_times(radar)
     frequency = 2 * np.asarray(velocity, np.float64) / radar.wavelength

@@ -24,19 +24,10 @@ if TYPE_CHECKING:
 
 
 def select_profile(cube: ArrayLike, radar: Radar, profile: int) -> tuple[ComplexChannels, Radar]:
-    """Chirps of one profile, and their radar.
+    """Chirps of the profile of index `profile`, and a radar with its Tx elements and times.
 
-    Parameters
-    ----------
-    cube
-        (..., chirp, tx, rx, sample) with an entry of "tx" for each slot of the loop, else a ValueError.
-    profile
-        Index of the profile.
-
-    Returns
-    -------
-    cube, radar
-        (..., chirp, tx, rx, sample) with the slots of the profile; a radar with its Tx elements and times.
+    `cube` and result are (..., chirp, tx, rx, sample). A `cube` without an entry of "tx" for each slot of the loop is a
+    ValueError.
     """
     array = np.asarray(cube)
     chosen = radar.of_profile(profile)
@@ -90,16 +81,8 @@ def demultiplex(cube: ArrayLike, radar: Radar) -> tuple[ComplexChannels, Radar]:
     Velocities must be within `radar.max_velocity`. Transforms of the whole frame ring at its ends for signals that are
     not periodic. Range-Doppler maps, angles and point clouds take sampled cubes and decode in the Doppler domain.
 
-    Parameters
-    ----------
-    cube
-        (..., chirp, tx, rx, sample) of one profile (:func:`select_profile`).
-
-    Returns
-    -------
-    cube, radar
-        (..., chirp, tx, rx, sample) with an entry of "tx" for each Tx element; a radar of the same `max_velocity` and
-        `velocity_resolution`.
+    `cube`, of one profile, and result are (..., chirp, tx, rx, sample), the result with an entry of "tx" for each Tx
+    element. The new radar has the same `max_velocity` and `velocity_resolution`. Several beams are a ValueError.
     """
     array, radar = as_beams(cube, radar)
     wave = radar.waveform

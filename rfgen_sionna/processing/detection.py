@@ -58,7 +58,7 @@ def cfar(
     Raises
     ------
     ValueError
-        Naming the argument, its value and what is allowed.
+        Naming the argument, its value and the allowed values.
     """
     array = np.asarray(power, np.float64)
     if array.ndim != 2 or array.size == 0 or not np.all(np.isfinite(array)) or array.min() < 0:

@@ -39,20 +39,10 @@ class FocusedPeak:
 def focus_peak(
     tapered: ComplexChannels, radar: Radar, place: float, velocities: FloatArray, smear: float, bins: int
 ) -> FocusedPeak:
-    """Highest peak near one of several speeds.
+    """Highest peak near one of the `velocities` (n,) [m/s], of which a later one must have a clearly higher peak.
 
-    Parameters
-    ----------
-    tapered
-        (chirp, tx, rx, sample) with the windows of both transforms.
-    place
-        Peak of the range spectrum [m].
-    velocities
-        (n,) candidate speeds [m/s]; a later one counts where its peak is clearly higher.
-    smear
-        Largest distance of the peak from `place` [m].
-    bins
-        Length of the range transform.
+    `tapered` (chirp, tx, rx, sample) includes both windows. The peak is at most `smear` [m] from `place` [m] in range;
+    `bins` is the length of the range transform.
     """
     step = radar.waveform.range_window / bins
     near = np.arange(max(0, int((place - smear) / step)), min(bins, int((place + smear) / step) + 2))

@@ -165,7 +165,7 @@ def micro_doppler(
     Raises
     ------
     ValueError
-        Naming the argument, its value and what is allowed.
+        Naming the argument, its value and the allowed values.
     """
     array = check_cube(cube, radar, frames=True)
     starts = frame_starts(len(array), radar, frame_times)

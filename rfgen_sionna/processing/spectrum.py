@@ -36,17 +36,9 @@ Window = str | tuple[str, float]
 
 
 def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> NDArray[np.complexfloating[Any, Any]]:
-    """Cube as a complex array, with a shape that fits the radar.
+    """Cube (..., chirp, tx, rx, sample), with `frames` exactly (frame, chirp, tx, rx, sample), as a complex array.
 
-    Parameters
-    ----------
-    cube
-        (..., chirp, tx, rx, sample); with `frames` exactly (frame, chirp, tx, rx, sample).
-
-    Raises
-    ------
-    ValueError
-        For a wrong shape, naming axis and length, or for samples that are not complex or not finite.
+    A wrong shape, samples that are not complex, and samples that are not finite are a ValueError.
     """
     array = np.asarray(cube)
     axes = "(frame, chirp, tx, rx, sample)" if frames else "(..., chirp, tx, rx, sample)"

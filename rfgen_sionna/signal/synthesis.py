@@ -165,9 +165,9 @@ def _check_tx_gains(tx_gains: Any, count: int) -> None:
         raise ValueError(f"tx_gains is {tx_gains!r}: finite numbers are needed")
 
 
-def _check_finite(what: str, values: np.ndarray[Any, Any]) -> None:
+def _check_finite(name: str, values: np.ndarray[Any, Any]) -> None:
     if values.dtype.kind not in "iufc":
-        raise ValueError(f"{what} is of type {values.dtype}: numbers are needed")
+        raise ValueError(f"{name} is of type {values.dtype}: numbers are needed")
     # A finite sum has finite terms, in one pass.
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(values.sum()):
@@ -175,7 +175,7 @@ def _check_finite(what: str, values: np.ndarray[Any, Any]) -> None:
     if len(bad := np.argwhere(~np.isfinite(values))):
         where = tuple(bad[0].tolist())
         found = f"{len(bad)} values that are NaN or infinite, the first is {values[where]} at {where}"
-        raise ValueError(f"{what} has {found}: finite ones are needed")
+        raise ValueError(f"{name} has {found}: finite ones are needed")
 
 
 def check_time(name: str, value: Any) -> float:

@@ -167,7 +167,7 @@ def _whole(
         offset = number * shape.size if entry is None else int(entry["offset"])
         if offset + shape.size > size:
             warn_or_raise(
-                f"'{data}' has {size:,} bytes; frame {number} lies at {offset:,} … {offset + shape.size:,}: "
+                f"'{data}' has {size:,} bytes; frame {number} is at {offset:,} … {offset + shape.size:,}: "
                 f"{offset + shape.size - max(size, offset):,} of its {shape.size:,} bytes are missing, "
                 f"and {count - number - 1} frames after it",
                 partial,

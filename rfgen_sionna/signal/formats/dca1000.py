@@ -107,7 +107,7 @@ def _check_size(data: Path, config: Path, known: Description, hardware: Radar) -
     said += f", numFrames {known.frames}"
     if size > known.frames * each * samples:
         over = size - known.frames * each * samples
-        raise CaptureFormatError(f"{said}; {over:,} bytes are too many: one of these is not the capture's")
+        raise CaptureFormatError(f"{said}; {over:,} bytes are too many: one of these fields is wrong")
     other, rest = divmod(size, known.frames * each)
     if broken and not rest:
         raise CaptureFormatError(f"{said}; the size is that of numAdcSamples {other}")

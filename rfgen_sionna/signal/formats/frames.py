@@ -102,7 +102,7 @@ def _check_cube(cube: AdcCube) -> None:
             f"for radar '{cube.radar.name}', preset '{cube.radar.preset}'"
         )
     if shape[0] == 0:
-        raise ValueError("cube.data holds no frame: there is nothing to write")
+        raise ValueError("cube.data holds no frame: at least one is needed")
     if np.shape(cube.frame_times) != shape[:1] or not np.all(np.isfinite(cube.frame_times)):
         raise ValueError(
             f"cube.frame_times has shape {np.shape(cube.frame_times)}: {shape[0]} finite times [s] are needed"
@@ -110,7 +110,7 @@ def _check_cube(cube: AdcCube) -> None:
 
 
 def frames_of(cube: AdcCube) -> Iterator[NDArray[np.complex64]]:
-    """Each frame (chirp, tx, rx, sample) in turn; `cube.data` may lie on the disk.
+    """Each frame (chirp, tx, rx, sample) in turn; `cube.data` may be a dataset on the disk.
 
     Raises
     ------
@@ -157,20 +157,20 @@ def complex_lsb(levels: NDArray[Any]) -> NDArray[np.complex64]:
     return contiguous.view(np.complex64)[..., 0]
 
 
-def channel_numbers(names: Sequence[str], prefix: str, most: int, what: str) -> list[int]:
+def channel_numbers(names: Sequence[str], prefix: str, most: int, label: str) -> list[int]:
     """Numbers of the hardware's channels, from 1: from names such as "RX3", else from the order of the names.
 
     Raises
     ------
     CaptureFormatError
-        If there are more channels than `most`; `what` names the hardware.
+        If there are more channels than `most`; `label` names the hardware.
     """
     found = [re.fullmatch(rf"{prefix}[_ ]?(\d+)", name, re.IGNORECASE) for name in names]
     numbers = [int(match[1]) for match in found if match]
     if len(numbers) < len(names) or len(set(numbers)) < len(names) or min(numbers) < 1:
         numbers = list(range(1, len(names) + 1))
     if max(numbers) > most:
-        raise CaptureFormatError(f"{what} has {prefix}1 … {prefix}{most}; the radar has {', '.join(names)}")
+        raise CaptureFormatError(f"{label} has {prefix}1 … {prefix}{most}; the radar has {', '.join(names)}")
     return numbers
 
 

@@ -37,7 +37,7 @@ class Description:
     """(frame,) start of each frame [s]; None where neither times nor number of frames are declared."""
     seed: int | None = None
     iq_swap: bool = False
-    """Whether Q stands before I."""
+    """Whether Q precedes I."""
 
     @property
     def frames(self) -> int | None:
@@ -90,8 +90,8 @@ def describe(cube: AdcCube, capture_format: str, scale: float | None, full_scale
     }
 
 
-def from_record(record: dict[str, Any], what: str) -> Description:
-    """Inverse of :func:`describe`; `what` names the record in errors.
+def from_record(record: dict[str, Any], label: str) -> Description:
+    """Inverse of :func:`describe`; `label` names the record in errors.
 
     Raises
     ------
@@ -100,26 +100,26 @@ def from_record(record: dict[str, Any], what: str) -> Description:
     """
     if record.get("format") != _FORMAT or record.get("version") != _VERSION:
         raise CaptureFormatError(
-            f"{what} is of format {record.get('format')!r} version {record.get('version')!r}; "
+            f"{label} is of format {record.get('format')!r} version {record.get('version')!r}; "
             f"'{_FORMAT}' version {_VERSION} is needed"
         )
     missing = {"scale", "frame_times_s", "seed", "radar"} - set(record)
     if missing:
-        raise CaptureFormatError(f"{what} lacks '{min(missing)}'")
+        raise CaptureFormatError(f"{label} lacks '{min(missing)}'")
     try:
         radar = Radar.from_dict(record["radar"])
         times = np.asarray(record["frame_times_s"], dtype=np.float64)
         scale = None if record["scale"] is None else float(record["scale"])
         seed = None if record["seed"] is None else int(record["seed"])
     except (TypeError, ValueError) as error:
-        raise CaptureFormatError(f"{what}: {error}") from error
+        raise CaptureFormatError(f"{label}: {error}") from error
     if times.ndim != 1 or len(times) == 0 or not np.all(np.isfinite(times)):
-        raise CaptureFormatError(f"{what}: 'frame_times_s' is not a list of finite times")
+        raise CaptureFormatError(f"{label}: 'frame_times_s' is not a list of finite times")
     if np.any(np.diff(times) <= 0):
         later = 1 + int(np.argmax(np.diff(times) <= 0))
-        raise CaptureFormatError(f"{what}: 'frame_times_s'[{later}] is {times[later]:g}, not after the time before it")
+        raise CaptureFormatError(f"{label}: 'frame_times_s'[{later}] is {times[later]:g}, not after the time before it")
     if scale is not None and not (np.isfinite(scale) and scale > 0):
-        raise CaptureFormatError(f"{what}: 'scale' is {scale!r}; a positive number of sqrt(W)/LSB is needed")
+        raise CaptureFormatError(f"{label}: 'scale' is {scale!r}; a positive number of sqrt(W)/LSB is needed")
     return Description(radar, scale, times, seed)
 
 

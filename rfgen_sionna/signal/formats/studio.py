@@ -35,9 +35,9 @@ _FRAME_WAVEFORMS = ("legacyFrameChirp", "singleFrameChirp")
 def studio_config(radar: Radar, frames: int, devices: int = 1) -> dict[str, Any]:
     """Content of `.mmwave.json` for `frames` frames of `radar` on one device or on four in cascade; no time of
     creation."""
-    what = "one device" if devices == 1 else f"a cascade of {devices} devices"
-    tx = channel_numbers(radar.tx_names, "TX", TX_PER_DEVICE * devices, what)
-    rx = channel_numbers(radar.rx_names, "RX", RX_PER_DEVICE * devices, what)
+    label = "one device" if devices == 1 else f"a cascade of {devices} devices"
+    tx = channel_numbers(radar.tx_names, "TX", TX_PER_DEVICE * devices, label)
+    rx = channel_numbers(radar.rx_names, "RX", RX_PER_DEVICE * devices, label)
     chirps, loops = chirps_of(radar.waveform, tx)
     return {
         "configGenerator": {"createdBy": "rfgen_sionna", "isConfigIntermediate": 0},
@@ -203,8 +203,8 @@ def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> Description
     chirps = read_chirps(records, int(frame["chirpStartIdx"]), int(frame["chirpEndIdx"]))
     fired = {tx for chirp in chirps for tx in chirp.phases}
 
-    what = "one device" if devices == 1 else f"a cascade of {devices} devices"
-    numbers = channel_numbers(hardware.tx_names, "TX", TX_PER_DEVICE * devices, what)
+    label = "one device" if devices == 1 else f"a cascade of {devices} devices"
+    numbers = channel_numbers(hardware.tx_names, "TX", TX_PER_DEVICE * devices, label)
     if absent := fired - set(numbers):
         raise ValueError(f"TX{min(absent)} fires; radar '{hardware.name}' has {', '.join(hardware.tx_names)}")
     kept = [index for index, tx in enumerate(numbers) if tx in fired]
@@ -214,7 +214,7 @@ def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> Description
         for bit in range(RX_PER_DEVICE)
         if number(record["rfConfig"]["rlChanCfg_t"]["rxChannelEn"]) >> bit & 1
     }
-    receivers = channel_numbers(hardware.rx_names, "RX", RX_PER_DEVICE * devices, what)
+    receivers = channel_numbers(hardware.rx_names, "RX", RX_PER_DEVICE * devices, label)
     if absent := enabled - set(receivers):
         raise ValueError(f"RX{min(absent)} is enabled; radar '{hardware.name}' has {', '.join(hardware.rx_names)}")
     heard = [index for index, rx in enumerate(receivers) if rx in enabled]

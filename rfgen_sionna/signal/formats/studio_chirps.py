@@ -186,7 +186,7 @@ def read_profiles(entries: Sequence[dict[str, Any]]) -> tuple[list[Profile], int
     tables = sorted((entry["rlProfileCfg_t"] for entry in entries), key=lambda table: int(table["profileId"]))
     counts = {int(table["numAdcSamples"]) for table in tables}
     if len(counts) != 1:
-        raise ValueError(f"rlProfiles: numAdcSamples is {sorted(counts)}; all profiles must take as many samples")
+        raise ValueError(f"rlProfiles: numAdcSamples is {sorted(counts)}; all profiles must have the same number")
     profiles = [
         Profile(
             start_frequency=float(table["startFreqConst_GHz"]) * 1e9,

@@ -105,22 +105,8 @@ def generator_error(
 ) -> ComplexArray:
     """Error of `samples` and of the device's own paths, which `samples` do not include, by the generator's phase.
 
-    Parameters
-    ----------
-    samples
-        (chirp, tx, rx, sample) [sqrt(W)].
-    statics
-        Paths of the device itself.
-    radar
-        Radar of one profile with a slope, so that beat frequencies are delays.
-    rng
-        Generator of the phase noise.
-    tx_weights
-        (loop or 1, slot, tx) complex gain of each Tx element in each slot; None is one element a slot.
-
-    Returns
-    -------
-    (chirp, tx, rx, sample) [sqrt(W)].
+    `samples` and result are (chirp, tx, rx, sample) [sqrt(W)]. `radar` has one profile with a slope. `tx_weights`
+    (loop or 1, slot, tx) are gains of the Tx elements in each slot; None is one element a slot.
     """
     waveform = radar.waveform
     chirps, slots, receivers, inner = samples.shape

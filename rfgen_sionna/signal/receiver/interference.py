@@ -59,7 +59,9 @@ class Interferer:
     def check(self, radar: Radar) -> None:
         """Raise if both radars have the same position, or the band does not fit the sample rate."""
         if math.dist(self.radar.position, radar.position) < 1e-3:
-            raise ValueError(f"interferer.radar is at {self.radar.position} m, the radar's own place: put it elsewhere")
+            raise ValueError(
+                f"interferer.radar is at {self.radar.position} m, the position of the radar: another position is needed"
+            )
         low, high = self.band(radar)
         rate = radar.waveform.sample_rate
         if high - low > (1 - TRANSITION_SHARE) * rate * (1 + 1e-9):
@@ -115,7 +117,7 @@ class Interferer:
         return np.asarray(bursts[:, :, None, :] * steering[:, None])
 
     def _add(self, bursts: ComplexArray, radar: Radar, frame: int, start: float, rng: np.random.Generator) -> None:
-        """Add what this radar's chirps, all of one kind, leave in `bursts` (chirp, entry, sample)."""
+        """Add the bursts of this radar's chirps, of one profile, to `bursts` (chirp, entry, sample)."""
         chirps, ramps = self._crossings(radar, frame * radar.waveform.frame_period - start)
         phases = rng.uniform(0, 2 * math.pi, len(chirps))
         flat = bursts.reshape(-1, bursts.shape[-1])

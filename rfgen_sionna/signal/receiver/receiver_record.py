@@ -47,21 +47,19 @@ def receiver_from_record(record: Mapping[str, Any], radar: Radar) -> Receiver:
     Raises
     ------
     ValueError
-        Naming the key, its value and what is allowed.
+        Naming the key, its value and the allowed values.
     """
     if not isinstance(record, Mapping):
         raise ValueError(f"receiver is {record!r}: a table with keys of {', '.join(_KNOWN)} is needed")
     _check_keys("receiver", record, _KNOWN)
-    arguments: dict[str, Any] = {}
-    for name, kind in PARTS.items():
-        if name in record:
-            arguments[name] = _part(kind, f"receiver.{name}", record[name])
+    arguments: dict[str, Any] = dict(record)
+    for name in record:
+        if name in PARTS:
+            arguments[name] = _part(PARTS[name], f"receiver.{name}", record[name])
     if "coupling" in record:
         arguments["coupling"] = _coupling(record["coupling"], radar)
     if "interferers" in record:
         arguments["interferers"] = tuple(_interferer(entry) for entry in _list(record["interferers"]))
-    if "thermal_noise" in record:
-        arguments["thermal_noise"] = record["thermal_noise"]
     if "adc" in record:
         arguments["adc"] = _adc(record["adc"])
     try:
@@ -98,22 +96,22 @@ def read_receiver(source: Receiver | Mapping[str, Any] | str | PathLike[str], ra
     return receiver
 
 
-def _check_keys(what: str, record: Mapping[str, Any], known: Sequence[str]) -> None:
+def _check_keys(label: str, record: Mapping[str, Any], known: Sequence[str]) -> None:
     if unknown := set(record) - set(known):
-        raise ValueError(f"{what} has the unknown key '{min(unknown)}'; known: {', '.join(known)}")
+        raise ValueError(f"{label} has the unknown key '{min(unknown)}'; known: {', '.join(known)}")
 
 
-def _part(kind: type, what: str, record: Any) -> Any:
+def _part(kind: type, label: str, record: Any) -> Any:
     """One part from its table."""
     names = [item.name for item in fields(kind)]
     if not isinstance(record, Mapping):
-        raise ValueError(f"{what} is {record!r}: a table with keys of {', '.join(names)} is needed")
-    _check_keys(what, record, names)
+        raise ValueError(f"{label} is {record!r}: a table with keys of {', '.join(names)} is needed")
+    _check_keys(label, record, names)
     values = {key: _tuples(value) for key, value in record.items()}
     try:
         return kind(**values)
     except TypeError as error:
-        raise ValueError(f"{what} lacks a key: {', '.join(names)} are known ({error})") from error
+        raise ValueError(f"{label} lacks a key: {', '.join(names)} are known ({error})") from error
 
 
 def _tuples(value: Any) -> Any:

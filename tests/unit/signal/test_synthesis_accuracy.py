@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from rfgen_sionna.frame_loop import MIN_EPS, TOLERANCE_SHARE, required_eps
+from rfgen_sionna.frame_loop import MIN_EPS, SYNTHESIS_SHARE, required_eps
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.signal import synthesize
@@ -63,15 +63,15 @@ def test_adc_samples_are_within_what_is_stated(radar, thing, rtol):
     found = traced(radar, [thing()], rtol)
     cube = Simulator(None, radar, [thing()], rtol=rtol).adc(1.01 * radar.waveform.frame_period, noise=False).data[0]
     exact = samples(radar, found, 1e-10)
-    assert off(cube, exact) < TOLERANCE_SHARE * rtol
+    assert off(cube, exact) < SYNTHESIS_SHARE * rtol
     assert off(cube, truth) < max(found.report.error, rtol)
 
 
 def test_sums_are_as_accurate_as_the_weakest_object_asks_for(radar):
     (alone,) = traced(radar, [ball()], 1e-2).changing()
-    assert required_eps(radar, alone, 1e-2) == pytest.approx(TOLERANCE_SHARE * 1e-2, rel=0.7)
+    assert required_eps(radar, alone, 1e-2) == pytest.approx(SYNTHESIS_SHARE * 1e-2, rel=0.7)
     (both,) = traced(radar, [ball(), plate()], 1e-2).changing()
     assert MIN_EPS <= required_eps(radar, both, 1e-2) < 0.1 * required_eps(radar, alone, 1e-2)
     # What stays in the world shares one tolerance.
-    assert required_eps(radar, both, 1e-2, num_static=2) == pytest.approx(TOLERANCE_SHARE * 1e-2, rel=0.7)
-    assert required_eps(radar, both.select(np.zeros(0, np.intp)), 1e-2) == TOLERANCE_SHARE * 1e-2
+    assert required_eps(radar, both, 1e-2, num_static=2) == pytest.approx(SYNTHESIS_SHARE * 1e-2, rel=0.7)
+    assert required_eps(radar, both.select(np.zeros(0, np.intp)), 1e-2) == SYNTHESIS_SHARE * 1e-2

@@ -156,5 +156,5 @@ def test_what_cannot_be_is_refused(small):
         Interferer(other, if_band_hz=(2e6, 1e6))
     with pytest.raises(ValueError, match=r"if_band_hz.*at most 3.96e\+06 Hz"):
         Interferer(other, if_band_hz=(0, 5e6)).check(radar)
-    with pytest.raises(ValueError, match=r"the radar's own place"):
+    with pytest.raises(ValueError, match=r"the position of the radar"):
         Receiver(interferers=(Interferer(radar),)).check(radar)

@@ -112,7 +112,7 @@ def test_a_file_is_written_by_hand(tmp_path: Path) -> None:
         ({"interferers": [{"preset": "mmmesh"}]}, "a table with a 'radar'"),
         ({"interferers": [{"radar": "awr1843", "distance": 3}]}, "unknown key 'distance'"),
         ({"interferers": [{"radar": "awr1483"}]}, "awr1843"),
-        ({"interferers": [{"radar": "awr1843"}]}, "the radar's own place"),
+        ({"interferers": [{"radar": "awr1843"}]}, "the position of the radar"),
         ({"mismatch": {"tx_gain_db": [1.0, 2.0]}}, "mismatch.tx_gain_db has 2 values"),
         (3, "receiver is 3"),
     ],
