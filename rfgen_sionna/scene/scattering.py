@@ -46,7 +46,7 @@ class ScatteringPattern:
             raise MaterialError(f"lambda_: {self.lambda_!r} given, allowed are 0 … 1")
 
     def __call__(self, k_in: FloatArray, k_out: FloatArray, normal: FloatArray) -> FloatArray:
-        """(...) share [1/sr] for unit vectors (..., 3): incident and scattered direction, normal on the incident side."""
+        """(...) share [1/sr] for unit vectors (..., 3): incident and scattered direction, normal on that side."""
 
         def dot(a: FloatArray, b: FloatArray) -> FloatArray:
             return np.asarray((a * b).sum(axis=-1))

@@ -286,7 +286,7 @@ def test_what_are_no_paths_of_a_radar_is_refused(rt):
         rfgen.from_sionna(paths.cir(out_type="numpy"), radar)
     with pytest.raises(TypeError, match=r"radar is a NoneType: give the rfgen_sionna\.Radar"):
         rfgen.from_sionna(paths, None)
-    with pytest.raises(TypeError, match=r"scene: int given, a scene of rfgen_sionna\.scene\.load_scene or a sionna"):
+    with pytest.raises(TypeError, match=r"scene: int given, a RadarScene or a sionna"):
         rfgen.from_sionna(paths, radar, scene=3)
     for time in ("x", np.nan, None):
         with pytest.raises(ValueError, match=rf"time is {time!r}: give a finite time \[s\]"):
