@@ -23,6 +23,8 @@ from rfgen_sionna.records import Motion
 
 FRAME_RATE = 20.0
 """Poses per second of feature rows [Hz]."""
+TRANSITION = 0.15
+"""Time of the transition between fixed and corrected poses [s]; bounds the jump of velocities."""
 HAND_COMPONENTS = 6
 """Principal components of the fingers of a hand."""
 HAND_JOINTS = {

@@ -32,7 +32,7 @@ from rfgen_sionna.generative.motion.skeleton import (
 from rfgen_sionna.generative.motion.tracks import clear_of_body
 from rfgen_sionna.records import Motion
 
-_EASE = 0.1
+_LIFT_TIME = 0.1
 """Time over which a body or hand is lifted and lowered [s]; bounds the acceleration."""
 _FLESH_THICKNESS = MappingProxyType(
     {
@@ -44,6 +44,8 @@ _FLESH_THICKNESS = MappingProxyType(
     }
 )  # fmt: skip
 """Joint -> least thickness of the body around it [m]. Feet are corrected separately."""
+_CLEARANCE = 0.02
+"""Least height of fingertips over the floor [m]: half a finger's thickness."""
 
 
 def keep_body_above_floor(motion: Motion) -> Motion:
@@ -54,7 +56,7 @@ def keep_body_above_floor(motion: Motion) -> Motion:
     missing = np.maximum((np.array(list(_FLESH_THICKNESS.values())) - places[:, joints, 2]).max(axis=1), 0.0)
     if not missing.any():
         return motion
-    width = _EASE * motion.frame_rate
+    width = _LIFT_TIME * motion.frame_rate
     # smooth upper envelope
     reach = max(1, round(2.0 * width))
     lift = gaussian_filter1d(maximum_filter1d(missing, 2 * reach + 1), width, mode="nearest", radius=reach)
@@ -86,10 +88,6 @@ def separate_arms_from_trunk(motion: Motion, skeleton: Skeleton) -> Motion:
     return replace(motion, rotations=rotations)
 
 
-_CLEARANCE = 0.02
-"""Least height of fingertips over the floor [m]: half a finger's thickness."""
-
-
 def keep_hands_above_floor(motion: Motion, skeleton: Skeleton) -> Motion:
     """The motion with each arm drawn in so that no fingertip is below the floor.
 
@@ -104,7 +102,7 @@ def keep_hands_above_floor(motion: Motion, skeleton: Skeleton) -> Motion:
         missing = np.maximum(_CLEARANCE - _lowest(places, side), 0.0)
         if not missing.any():
             continue
-        width = _EASE * motion.frame_rate
+        width = _LIFT_TIME * motion.frame_rate
         lift = gaussian_filter1d(maximum_filter1d(missing, 2 * int(2.0 * width) + 1), width, mode="nearest")
         at = np.flatnonzero(lift > 1e-5)
         shoulder, elbow, wrist = (JOINT[f"{side}_{j}"] for j in ("shoulder", "elbow", "wrist"))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.features import runs
+from rfgen_sionna.generative.diffusion.features import TRANSITION, runs
 from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.rotations import X, normalised, to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import (
@@ -36,8 +36,6 @@ _CLEAR = 0.018
 """Clearance of a swinging foot at mid-swing [m]."""
 _RELEASE = 0.07
 """Half the time in which a planted foot is placed anew [s]."""
-_EASE = 0.15
-"""Time of the transition to fixed legs [s]."""
 _FURTHEST = 0.12
 """Largest shift of a planted foot [m]; a longer drift is split."""
 
@@ -53,7 +51,11 @@ def lock_feet(
         ride: whether the pelvis moves vertically to put the lower planted foot on the floor.
         fixed_legs: (frame,) frames whose legs stay unchanged; None fixes none.
     """
-    hold = np.ones(len(motion.translation)) if fixed_legs is None else _away_from(fixed_legs, _EASE * motion.frame_rate)
+    hold = (
+        np.ones(len(motion.translation))
+        if fixed_legs is None
+        else _away_from(fixed_legs, TRANSITION * motion.frame_rate)
+    )
     moved = hold > 0.0
     world = global_rotations(to_matrices(motion.rotations), motion.parents)
     root = motion.translation.copy()

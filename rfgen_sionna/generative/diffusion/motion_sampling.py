@@ -42,6 +42,14 @@ CUTOFFS = MappingProxyType({"kinematic": 6.0, "mocap": 8.5, "any": 6.0})
 """Manner -> cut-off of the low-pass on the result [Hz]; captured people and their markers shake faster."""
 STILL_CUTOFF = 2.5
 """Cut-off for still body parts [Hz]: the whole body in postures, all but the working arm in gestures."""
+SMALL = 16
+"""Batch size up to which one thread is fastest: layers take less than a millisecond."""
+SPARE = 8
+"""Extra frames of drafts and beats: the network's lengths are multiples of this number."""
+_OVERLAP = 40
+"""Frames of a segment's overlap with the previous one ..."""
+_FADE = 8
+"""... and of its cross-fade, at its end."""
 
 
 @dataclass(frozen=True)
@@ -264,10 +272,6 @@ def _mixed(seed: int) -> int:
     return int(np.random.SeedSequence([seed, 31]).generate_state(1)[0])
 
 
-SMALL = 16
-"""Batch size up to which one thread is fastest: layers take less than a millisecond."""
-
-
 @contextmanager
 def threads_for(motions: int) -> Iterator[None]:
     """Context in which PyTorch computes up to `SMALL` motions on one thread, without busy waiting of the others."""
@@ -281,14 +285,6 @@ def threads_for(motions: int) -> Iterator[None]:
             yield
     finally:
         torch.set_num_threads(before)
-
-
-SPARE = 8
-"""Extra frames of drafts and beats: the network's lengths are multiples of this number."""
-_OVERLAP = 40
-"""Frames of a segment's overlap with the previous one ..."""
-_FADE = 8
-"""... and of its cross-fade, at its end."""
 
 
 def sample_in_segments(

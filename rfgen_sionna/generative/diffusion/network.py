@@ -28,6 +28,8 @@ PAIR = 2
 STRIDE = 4
 """Lengths in positions are multiples of this number."""
 SOURCES = ("kinematic", "mocap", "any")
+BANDS = 48
+"""Frequencies from 0 to half the frame rate."""
 
 
 @dataclass(frozen=True)
@@ -174,10 +176,6 @@ def _waves(log_snr: Tensor) -> Tensor:
     f = torch.exp(torch.linspace(math.log(0.03), math.log(3.0), 64, device=log_snr.device))
     angle = log_snr[:, None].float() * f
     return torch.cat([angle.cos(), angle.sin()], dim=-1)
-
-
-BANDS = 48
-"""Frequencies from 0 to half the frame rate."""
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,9 @@ from rfgen_sionna.records import Motion
 
 RATE = 60.0
 """Poses per second of a finished motion [Hz]."""
+_MARGIN = 0.5
+"""Distance from the limits [degrees]; absorbs rounding and resampling."""
+_FINGERS = ((1, "knuckle"), (2, "middle joint"), (3, "end joint"))
 
 
 def to_motion(
@@ -96,11 +99,6 @@ def resample_motion(motion: Motion, rate: float) -> Motion:
         frame_rate=rate,
         contacts=contacts,
     )
-
-
-_MARGIN = 0.5
-"""Distance from the limits [degrees]; absorbs rounding and resampling."""
-_FINGERS = ((1, "knuckle"), (2, "middle joint"), (3, "end joint"))
 
 
 def clamp_joint_angles(motion: Motion) -> Motion:

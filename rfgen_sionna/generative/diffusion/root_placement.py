@@ -12,6 +12,7 @@ from rfgen_sionna.generative.diffusion.features import (
     FRAME_RATE,
     LOCAL,
     TRACKED_POSITIONS,
+    TRANSITION,
     TURN,
     from_six,
     heading,
@@ -30,8 +31,6 @@ _FASTEST_SPIN = 20.0
 """Largest turn rate of a joint against its parent [rad/s]."""
 _SPREAD = (*_TURNS, 0.6, 0.8)
 """Widths of the smoothing of jumps [s]."""
-_EASE = 0.15
-"""Time of the transition to given poses [s]."""
 
 
 def centre_on_origin(rows: FloatArray) -> FloatArray:
@@ -91,7 +90,7 @@ def limit_speed(rows: FloatArray, free: NDArray[np.bool_] | None = None) -> Floa
     )
     may = np.ones(len(rows))
     if free is not None and not free.all():
-        may = np.clip(distance_transform_edt(free) / (_EASE * FRAME_RATE), 0.0, 1.0)
+        may = np.clip(distance_transform_edt(free) / (TRANSITION * FRAME_RATE), 0.0, 1.0)
     for width in _SPREAD:
         fast = _jumps(out) & (may > 0.0)
         if not fast.any():

@@ -34,53 +34,6 @@ _FROM_TRUNK = re.compile(rf"\bfrom {_TRUNK}")
 _ONWARDS = re.compile(r"\b(?:straight|forwards?|ahead|onwards?|towards?|away)\b")
 _RETURNS = re.compile(r"\b(?:back|forth|backwards?|return\w*|there|around|about|turn\w*)\b")
 _FINGER = re.compile(r"\b(?:fore)?fingers?\b")
-
-
-def hand_named(prompt: str) -> str:
-    """The one hand or arm in a sentence: "left", "right", or empty."""
-    return _only(re.findall(rf"\b(left|right)[- ](?={_ARM})", prompt.lower()))
-
-
-def both_hands_named(prompt: str) -> bool:
-    """Whether a sentence names two hands or arms: "both hands", "his arms"."""
-    return bool(_BOTH.search(prompt.lower()))
-
-
-def direction_named(prompt: str) -> str:
-    """The one direction of movement in a sentence: "left", "right", or empty."""
-    return _only(re.findall(r"\b(left|right)(?:wards?)?\b", _NO_WAY.sub(" ", prompt.lower())))
-
-
-def action_by_word_order(prompt: str, shares: Mapping[str, float]) -> str:
-    """Action from the order of words, where the encoder confuses actions; empty where it does not.
-
-    Args:
-        prompt: the sentence.
-        shares: the encoder's probability of every action.
-    """
-    said = prompt.lower()
-    likeliest = max(shares, key=lambda a: shares[a])
-    if likeliest in ("swipe_left", "swipe_right") and (way := direction_named(said)):
-        return f"swipe_{way}"
-    if likeliest in ("left_arm_raised", "right_arm_raised") and (hand := hand_named(said)):
-        return f"{hand}_arm_raised"
-    if likeliest in ("push", "pull"):
-        inwards, outwards = bool(_TO_TRUNK.search(said)), bool(_FROM_TRUNK.search(said))
-        return "" if inwards is outwards else "pull" if inwards else "push"
-    if likeliest == "walk" and _ONWARDS.search(said) and not _RETURNS.search(said):
-        return "walk_straight"
-    if likeliest == "idle":
-        # captured name of standing
-        return "standing"
-    if likeliest not in ("click", "finger_swing") and shares[likeliest] < 0.9 and _FINGER.search(said):
-        return max(("click", "finger_swing"), key=lambda a: shares[a])
-    return ""
-
-
-def _only(sides: list[str]) -> str:
-    return sides[0] if len(set(sides)) == 1 else ""
-
-
 _PLAIN = frozenset(
     word
     for group in (
@@ -130,6 +83,51 @@ _SECOND = re.compile(r"\s*(?:,|\bwhile\b|\band\b|\bthen\b|\bbefore (?=\w+ing\b)|
 """Beginning of the second half of a sentence."""
 _PACE = (0.8, 1.0, 1.2)
 """Factor on the usual speed for :data:`~rfgen_sionna.generative.diffusion.sentence_encoder.PACES`."""
+
+
+def hand_named(prompt: str) -> str:
+    """The one hand or arm in a sentence: "left", "right", or empty."""
+    return _only(re.findall(rf"\b(left|right)[- ](?={_ARM})", prompt.lower()))
+
+
+def both_hands_named(prompt: str) -> bool:
+    """Whether a sentence names two hands or arms: "both hands", "his arms"."""
+    return bool(_BOTH.search(prompt.lower()))
+
+
+def direction_named(prompt: str) -> str:
+    """The one direction of movement in a sentence: "left", "right", or empty."""
+    return _only(re.findall(r"\b(left|right)(?:wards?)?\b", _NO_WAY.sub(" ", prompt.lower())))
+
+
+def action_by_word_order(prompt: str, shares: Mapping[str, float]) -> str:
+    """Action from the order of words, where the encoder confuses actions; empty where it does not.
+
+    Args:
+        prompt: the sentence.
+        shares: the encoder's probability of every action.
+    """
+    said = prompt.lower()
+    likeliest = max(shares, key=lambda a: shares[a])
+    if likeliest in ("swipe_left", "swipe_right") and (way := direction_named(said)):
+        return f"swipe_{way}"
+    if likeliest in ("left_arm_raised", "right_arm_raised") and (hand := hand_named(said)):
+        return f"{hand}_arm_raised"
+    if likeliest in ("push", "pull"):
+        inwards, outwards = bool(_TO_TRUNK.search(said)), bool(_FROM_TRUNK.search(said))
+        return "" if inwards is outwards else "pull" if inwards else "push"
+    if likeliest == "walk" and _ONWARDS.search(said) and not _RETURNS.search(said):
+        return "walk_straight"
+    if likeliest == "idle":
+        # captured name of standing
+        return "standing"
+    if likeliest not in ("click", "finger_swing") and shares[likeliest] < 0.9 and _FINGER.search(said):
+        return max(("click", "finger_swing"), key=lambda a: shares[a])
+    return ""
+
+
+def _only(sides: list[str]) -> str:
+    return sides[0] if len(set(sides)) == 1 else ""
 
 
 @dataclass(frozen=True)

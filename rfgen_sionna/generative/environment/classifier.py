@@ -1,14 +1,18 @@
-"""Classifier of images of surroundings: names the place, and gives features for distances between sets of images.
+"""Classifier of images of surroundings, and confidence gate of path diffusion.
 
-It is trained on the training split's renders only. Its inputs include the view: height of each point, and level at 1 m.
-Several views of one place may be classified together.
+The classifier names the place, and gives features for distances between sets of images. It is trained on the training
+split's renders only. Its inputs include height of each point and level at 1 m.
+
+The gate keeps complete images unchanged: a classifier separates images of a fast trace (smooth surfaces of one
+material, no further bounces) from complete ones, and its mean probability over the frames of a sequence, times a factor
+fitted on validation pairs, scales the gains. It judges surfaces, not objects: an image that lacks a table counts as
+complete.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -20,10 +24,6 @@ from rfgen_sionna.generative.environment.place_encoder import ViewFacts, view_to
 from rfgen_sionna.generative.environment.view_unet import view_maps
 from rfgen_sionna.pir.codec import PirCodec
 
-if TYPE_CHECKING:
-    from torch import Tensor
-
-
 FEATURES = 48
 """Numbers of an image's feature vector."""
 INPUT_CHANNELS = 6
@@ -32,6 +32,10 @@ WIDTHS = (32, 48, 96, 128)
 """Channels of the four stages."""
 LEVEL_DB, SPREAD_DB = -135.0, 15.0
 """Mean and spread [dB] of levels at 1 m, for normalisation."""
+COMPLETE, INCOMPLETE = 0, 1
+"""Classes of the gate's classifier."""
+GATE_WIDTHS = (16, 24, 48, 64)
+"""Channels of the gate's classifier; a small one suffices."""
 
 
 def classifier_inputs(images: NDArray[np.floating], views: Sequence[ViewFacts], codec: PirCodec) -> Tensor:
@@ -97,12 +101,6 @@ def untrained_classifier(
 ) -> ImageClassifier:
     """A classifier of that many classes with random weights."""
     return ImageClassifier(ClassifierNet(classes, widths).eval().requires_grad_(False), codec or PirCodec())
-
-
-COMPLETE, INCOMPLETE = 0, 1
-"""Classes of the classifier."""
-GATE_WIDTHS = (16, 24, 48, 64)
-"""Channels of the classifier's four stages; a small one suffices."""
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
 from copy import copy
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,13 +21,10 @@ from rfgen_sionna.records import Pir
 if TYPE_CHECKING:
     from rfgen_sionna.generative.environment.image_models import ImageModel
 
-
-from collections import OrderedDict
-from collections.abc import Hashable
-from dataclasses import dataclass, field
-
 ENVIRONMENTS, VIEWS = 32, 16
 """Cached environments, and views of each; bounds memory to 50 MB of 64 × 64 images."""
+_STABLE_DIFFUSION_GUIDANCE = 7.5
+"""Usual guidance of Stable Diffusion."""
 
 
 @dataclass
@@ -73,10 +72,6 @@ class ViewCache:
             known.views.popitem(last=False)
         if len(self._cache) > self._most:
             self._cache.popitem(last=False)
-
-
-_STABLE_DIFFUSION_GUIDANCE = 7.5
-"""Usual guidance of Stable Diffusion."""
 
 
 class EnvironmentDiffusion:

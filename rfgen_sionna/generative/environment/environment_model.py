@@ -7,26 +7,23 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from diffusers import ControlNetModel, UNet2DConditionModel
 from safetensors import safe_open
+from torch import Tensor
 
 from rfgen_sionna.generative.diffusion.sentence_encoder import WIDTH
 from rfgen_sionna.generative.environment.adapters import fingerprint
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
+from rfgen_sionna.generative.environment.classifier import ConfidenceGate
 from rfgen_sionna.generative.environment.conditional_prior import ConditionalPrior
 from rfgen_sionna.generative.environment.edge_smoothing import EdgePreservingSmoothing
 from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
 from rfgen_sionna.generative.environment.view_unet import ViewUNet
 from rfgen_sionna.pir.codec import PirCodec
-
-if TYPE_CHECKING:
-    from torch import Tensor
-
-    from rfgen_sionna.generative.environment.classifier import ConfidenceGate
 
 FORMAT = "rfgen-environment-3"
 CONTROL_FORMAT = "rfgen-environment-control-3"
@@ -168,8 +165,6 @@ def read_control(path: Path, unet: UNet2DConditionModel, *, any_base: bool = Fal
         FileNotFoundError: there is no such file.
         ModelFileError: it is no ControlNet of this base model.
     """
-    from rfgen_sionna.generative.environment.classifier import ConfidenceGate
-
     if path.is_dir():
         if (path / CONTROL_FILE).is_file():
             return read_control(path / CONTROL_FILE, unet, any_base=any_base)

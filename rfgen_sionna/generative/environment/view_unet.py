@@ -20,6 +20,23 @@ from rfgen_sionna.generative.environment.layout_map import CHANNELS, NO_LAYOUT_M
 from rfgen_sionna.generative.environment.reprojection import PATCH
 from rfgen_sionna.pir.codec import PirCodec
 
+WALLS = (1.5, 4.0, 10.0)
+"""Distances of walls [m] in the maps, ahead and aside."""
+CEILING = 2.7
+"""Height [m] of the ceiling in the maps."""
+MAPS = 5 + 2 * len(WALLS)
+"""Channels of the maps."""
+KINDS = 128
+"""Largest number of kinds in layout maps, with the empty one."""
+_NUMBERS = 8
+"""Numbers of a view in its token."""
+_KIND_EMBEDDING = 16
+"""Numbers of a kind's embedding."""
+_LAYOUT_CHANNELS = 128
+"""Hidden channels of the layout map's encoder."""
+_LEAST = 1e-3
+"""Least component of a direction in a quotient."""
+
 
 def make_scheduler() -> DDIMScheduler:
     """Scheduler of the forward process: v-prediction, scaled-linear betas, zero terminal SNR, trailing DDIM steps."""
@@ -45,24 +62,6 @@ def signal_and_noise(steps: Tensor) -> tuple[Tensor, Tensor]:
     """(image, 1, 1, 1) factors of latents and of noise at time steps (image,)."""
     share = _SHARES.to(steps.device)[steps.long()][:, None, None, None]
     return share.sqrt(), (1.0 - share).sqrt()
-
-
-WALLS = (1.5, 4.0, 10.0)
-"""Distances of walls [m] in the maps, ahead and aside."""
-CEILING = 2.7
-"""Height [m] of the ceiling in the maps."""
-MAPS = 5 + 2 * len(WALLS)
-"""Channels of the maps."""
-KINDS = 128
-"""Largest number of kinds in layout maps, with the empty one."""
-_NUMBERS = 8
-"""Numbers of a view in its token."""
-_KIND_EMBEDDING = 16
-"""Numbers of a kind's embedding."""
-_LAYOUT_CHANNELS = 128
-"""Hidden channels of the layout map's encoder."""
-_LEAST = 1e-3
-"""Least component of a direction in a quotient."""
 
 
 def decode_view_tokens(token: Tensor) -> Tensor:

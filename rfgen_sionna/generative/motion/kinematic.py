@@ -30,6 +30,14 @@ MAX_DURATION = 600.0
 """Longest motion [s]; bounds memory."""
 _DENSE_RATE = 240.0
 """Least sample rate of the synthesis [Hz]; bounds the dependence of a motion on its frame rate."""
+_MIRROR = np.diag([1.0, -1.0, 1.0])
+_ARM = ("collar", "shoulder", "elbow", "wrist")
+_HAND = tuple(f"{finger}{k}" for finger in FINGERS for k in (1, 2, 3))
+_TRUNK = ("spine1", "spine2", "spine3", "neck", "head")
+_BESIDE = 0.08
+"""Least distance of each hand's joints from the plane between the hands [m]: half a palm's width and a gap."""
+_WIDEST = 1.0
+"""Largest opening angle of an arm [rad]; bounds the search."""
 
 
 def _stream(action: str, seed: int) -> np.random.Generator:
@@ -122,16 +130,6 @@ class KinematicSource:
             seed=seed,
         )
         return both_hands(motion, drawn) if hand == "both" else motion
-
-
-_MIRROR = np.diag([1.0, -1.0, 1.0])
-_ARM = ("collar", "shoulder", "elbow", "wrist")
-_HAND = tuple(f"{finger}{k}" for finger in FINGERS for k in (1, 2, 3))
-_TRUNK = ("spine1", "spine2", "spine3", "neck", "head")
-_BESIDE = 0.08
-"""Least distance of each hand's joints from the plane between the hands [m]: half a palm's width and a gap."""
-_WIDEST = 1.0
-"""Largest opening angle of an arm [rad]; bounds the search."""
 
 
 def both_hands(motion: Motion, hand: str, *, still: bool = True) -> Motion:
