@@ -141,7 +141,7 @@ _ITEMS: dict[str, _Types] = (
 def _check_value(value: Any, wanted: tuple[type, ...], what: str) -> None:
     if not isinstance(value, wanted) or isinstance(value, bool):
         raise RadarConfigError(f"{what} is {value!r}; {' or '.join(t.__name__ for t in wanted)} is needed")
-    if isinstance(value, float) and not math.isfinite(value):  # TOML knows nan and inf
+    if isinstance(value, float) and not math.isfinite(value):  # TOML allows nan and inf
         raise RadarConfigError(f"{what} is {value!r}; a finite number is needed")
 
 

@@ -69,7 +69,7 @@ class Radar:
             array = _checked_elements(end, getattr(self, f"{end}_positions"), getattr(self, f"{end}_names"))
             object.__setattr__(self, f"{end}_positions", array)
         if self.waveform.num_tx != len(self.tx_positions):
-            named = "slots know" if self.waveform.slots else "tx_order fires"
+            named = "slots have" if self.waveform.slots else "tx_order fires"
             raise ValueError(f"radar has {len(self.tx_positions)} Tx elements; waveform.{named} {self.waveform.num_tx}")
         for name in ("tx_polarization", "rx_polarization"):
             if getattr(self, name) not in POLARIZATIONS:

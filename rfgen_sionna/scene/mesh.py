@@ -300,7 +300,7 @@ def _read(path: Path) -> tuple[FloatArray, IntArray]:
 
     try:
         mesh = trimesh.load(path, force="mesh", process=False)  # unprocessed: NaN is reported, not dropped
-    except Exception as error:  # trimesh raises whatever its parsers run into
+    except Exception as error:  # any exception of a parser
         raise MeshError(f"mesh file {str(path)!r} cannot be read: {error}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise MeshError(f"mesh file {str(path)!r} holds no triangles")

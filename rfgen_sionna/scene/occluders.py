@@ -102,7 +102,7 @@ class Occluders:
             ValueError: `viewpoint` differs from that of the occluders.
         """
         if not np.array_equal(viewpoint, self._viewpoint):
-            raise ValueError(f"viewpoint: {viewpoint} given, the occluders are seen from {self._viewpoint}")
+            raise ValueError(f"viewpoint: {viewpoint} given, the viewpoint of the occluders is {self._viewpoint}")
         first = self._first_hits(bundled)
 
         def nearest(ray: Any, own: Any) -> tuple[Any, Any]:
@@ -155,17 +155,17 @@ class Occluders:
         layer, (count, step, number) = self._layer, self._numbers
 
         def nearest(ray: Any, own: Any, static: Any | None) -> tuple[Any, Any]:
-            look = own // count
+            time = own // count
             lanes = dr.width(own)
             facet, distance = dr.full(mi.UInt32, NO_PRIMITIVE, lanes), dr.full(mi.Float, dr.inf, lanes)
             if static is not None:
                 facet, distance = self._static(static, lanes, bundled)
-                facet = dr.select(facet == NO_PRIMITIVE, facet, facet + look * count)
+                facet = dr.select(facet == NO_PRIMITIVE, facet, facet + time * count)
             if layer is None:
                 return facet, distance
             if static is not None and self._any_static:
                 evaluate_hits(facet, distance)
-            shifted = mi.Ray3f(mi.Point3f(*(mi.Float(look) * each for each in step)), ray.d)
+            shifted = mi.Ray3f(mi.Point3f(*(mi.Float(time) * each for each in step)), ray.d)
             shifted.maxt = ray.maxt
             found = layer.scene.ray_intersect_preliminary(shifted, coherent=bundled)
             nearer = found.is_valid() & (found.t < distance)
