@@ -1,4 +1,4 @@
-"""The command line: `rfgen generate`, `rfgen radars`, `rfgen show`, `rfgen export`, `rfgen bench`."""
+"""Command line: `rfgen generate`, `rfgen radars`, `rfgen show`, `rfgen export`, `rfgen bench`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    help="Synthetic radar data of people moving in rooms, from a sentence to raw ADC cubes.",
+    help="Simulated FMCW radar data of people in rooms: from a sentence to raw ADC samples.",
     epilog='Start with: [bold]rfgen generate "a person doing jumping jacks" --environment "a living room"[/bold]',
 )
 app.command(epilog=EPILOG)(generate)
@@ -36,10 +36,10 @@ app.command(epilog=EPILOG)(generate)
 
 @app.command()
 def radars() -> None:
-    """List the radars, their configurations and what follows from them."""
+    """List the radars and their presets, with resolutions and ranges."""
     from rfgen_sionna.radar import Radar
 
-    # Narrow enough for 80 columns; where it is narrower still, names fold and nothing is cut off.
+    # Fits 80 columns; names fold on narrower terminals.
     table = Table(box=None, padding=(0, 1, 0, 0))
     table.add_column("radar, preset", overflow="fold")
     for heading in ("GHz", "Tx×Rx", "frame", "Hz", "range m", "speed m/s"):
@@ -71,14 +71,14 @@ rfgen show jacks.h5
 
 rfgen show jacks.h5 --overwrite
 
-Pictures that exist already, such as those of `rfgen generate`, are left unless --overwrite is given."""
+Existing pictures are kept unless --overwrite is given."""
 )
 def show(
-    file: Annotated[Path, typer.Argument(help="A file that `rfgen generate` wrote.", show_default=False)],
-    pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation beside.")] = True,
+    file: Annotated[Path, typer.Argument(help="HDF5 file of `rfgen generate`.", show_default=False)],
+    pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation (GIF), too.")] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")] = False,
 ) -> None:
-    """Say what a file holds, and draw it."""
+    """Summarise a run file and draw its pictures."""
     from rfgen_sionna.show import summary
 
     _out.print(escape(summary(file)), soft_wrap=True)
@@ -96,25 +96,24 @@ rfgen export jacks.h5 --format matlab --output jacks.mat
 rfgen export jacks.h5 --format dca1000 --output captures/ --scale=-20dBm"""
 )
 def export(
-    file: Annotated[Path, typer.Argument(help="A file that `rfgen generate` wrote.", show_default=False)],
+    file: Annotated[Path, typer.Argument(help="HDF5 file of `rfgen generate`.", show_default=False)],
     format: Annotated[
         str, typer.Option("--format", help="dca1000, cascade, position2go, rfgenesis or matlab.", show_default=False)
     ],
-    output: Annotated[Path, typer.Option(help="Data file, or folder for the files.", show_default=False)],
+    output: Annotated[Path, typer.Option(help="File or folder to write, by format.", show_default=False)],
     scale: Annotated[
-        str,
-        typer.Option(help='"auto", a number in √W per LSB, or the full scale as a power, such as -20dBm.'),
+        str, typer.Option(help='"auto", a number in √W per LSB, or the full scale as a power, such as -20dBm.')
     ] = "auto",
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
 ) -> None:
-    """Write the samples as the files that a radar's own tools write."""
+    """Export the samples to a capture format of a radar's own tools."""
     from rfgen_sionna.dataset import open_run
     from rfgen_sionna.records import AdcCube
     from rfgen_sionna.signal.formats import write_capture
 
     options = _scale(scale)
     with open_run(file) as run, _out.status("exporting"):
-        # The samples stay on the disk: a frame at a time is read, scaled and written.
+        # lazily: one frame at a time is read and written
         cube = AdcCube(run.adc, run.radar, run.frame_times, run.seeds.get("noise"))
         report = write_capture(cube, output, format, overwrite=overwrite, **options)
     for path in report.paths:
@@ -139,28 +138,28 @@ def _scale(text: str) -> dict[str, Any]:
 
 
 class _LogLines(logging.Handler):
-    """Handler that prints the package's log like warnings."""
+    """Log handler with the format of warnings."""
 
     def emit(self, record: logging.LogRecord) -> None:
         _err.print(f"[yellow]{record.levelname.lower()}:[/yellow] {escape(record.getMessage())}", soft_wrap=True)
 
 
 _ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Signals that end a program without a word; here what is half done is cleaned up first."""
+"""Signals that end a process at once by default."""
 
 
 def _end(number: int, _: object) -> NoReturn:
-    """Unwind as an interruption from the keyboard does, so that no partial file stays behind."""
+    """Unwind the stack, so that partial files are removed."""
     sys.exit(128 + number)
 
 
 def main() -> None:
-    """Entry point: what the user can mend is one line and exit code 2, anything else is a bug and a traceback."""
+    """Entry point; errors of the user are one line and exit code 2, others a traceback."""
     from rfgen_sionna.scene.scene_errors import BackendError
 
     warnings.showwarning = warn  # type: ignore[assignment]
     logging.getLogger("rfgen_sionna").addHandler(_LogLines(logging.WARNING))
-    if threading.current_thread() is threading.main_thread():  # no other one may
+    if threading.current_thread() is threading.main_thread():  # signal.signal needs it
         for number in _ENDINGS:
             signal.signal(number, _end)
     try:

@@ -1,4 +1,4 @@
-"""`rfgen bench`: the benchmark of the checkout that the package is installed from."""
+"""`rfgen bench`: benchmark of a checkout of the repository."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from rfgen_sionna.cli.console import report_written, warn
 SCENES = "sphere, plate, dihedral, trihedral, person, living_room, car, hand"
 _TEXT = """[bold]Parts[/bold]
 
-scenes: run time against error of every method, scene by scene, with a picture each · doppler: the floor of an adult
-who only translates · synthesiser: ours, NumPy, torch · sampling: adaptive rays against uniform ones · skips: what each
-saves, with its proof · scaling: exponents of facets, rays, paths, channels, chirps, frames, actors, bounces ·
-pipeline: mesh to samples, the living room, start-up, memory
+scenes: run time and error of every method by scene, with pictures · doppler: Doppler floor of a translating adult ·
+synthesiser: this package, NumPy, torch · sampling: adaptive and uniform rays · skips: saved work of each culling rule ·
+scaling: exponents over facets, rays, paths, channels, chirps, frames, actors, bounces · pipeline: mesh to samples, a
+living room, start-up, memory
 
 [bold]Examples[/bold]
 
@@ -32,28 +32,23 @@ rfgen bench --scene sphere --scene hand
 
 rfgen bench --part skips --part scaling
 
-All of it takes about half an hour on two quiet cores, --quick about five minutes. Each result is written as soon as it
-is there. After an interruption the same command goes on where it was; a part that is asked for later is added to what
-the folder holds, as long as code, machine and seed are the same.
+All parts take about half an hour on two idle cores, --quick about five minutes. Results are written one by one; the
+same command continues after an interruption, and further parts are added to the folder, if code, machine and seed are
+the same.
 
-bench.md says first what is to hold and whether it does, then has all tables; bench.json has all figures with machine,
-versions and seed. docs/benchmarks.md tells how to read them. It needs a checkout of the repository, as the benchmark is
-no part of the installed package."""
+bench.md has the claims with their results and all tables; bench.json has all figures with machine, versions and seed
+(docs/benchmarks.md explains them). The benchmark needs a checkout of the repository."""
 EPILOG = "\n\n".join(" ".join(paragraph.split()) for paragraph in _TEXT.split("\n\n"))
 
 
 def bench(
-    scene: Annotated[
-        list[str] | None, typer.Option(help=f"One scene, without the rest; may be repeated: {SCENES}.")
-    ] = None,
-    part: Annotated[
-        list[str] | None, typer.Option(help="One part; may be repeated. The parts are named below.")
-    ] = None,
+    scene: Annotated[list[str] | None, typer.Option(help=f"One scene (repeatable; default: all): {SCENES}.")] = None,
+    part: Annotated[list[str] | None, typer.Option(help="One part (repeatable; default: all), see below.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer scenes and points, five minutes.")] = False,
     out: Annotated[Path, typer.Option(help="Folder for JSON, tables and pictures.", file_okay=False)] = Path("bench"),
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all that is drawn: jitter, paths, samples checked.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of jitter, paths and checked samples.")] = 0,
 ) -> None:
-    """Measure time, memory and error against other methods and independent truth, on this machine."""
+    """Benchmark time, memory and error against other methods and exact solutions."""
     benchmark = load()
     with _out.status("starting") as status:
         result = benchmark.run(
@@ -71,14 +66,14 @@ def bench(
 
 
 def load() -> Any:
-    """The benchmark's module, from the checkout that this package is installed from."""
+    """Module of the benchmark in the checkout; FileNotFoundError if the package is not installed from one."""
     root = Path(__file__).resolve().parents[2]
     if not (root / "tests" / "benchmarks" / "bench.py").is_file():
         raise FileNotFoundError(
             "the benchmark is in tests/benchmarks of the repository, and this package is not installed from a checkout "
             "of it: clone the repository and install it with `pip install -e .[dev]`"
         )
-    if "tests" not in sys.modules:  # by its path: another package of that name may be installed
+    if "tests" not in sys.modules:  # by path, since another package may have this name
         tests = types.ModuleType("tests")
         tests.__path__ = [str(root / "tests")]
         sys.modules["tests"] = tests

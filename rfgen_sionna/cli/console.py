@@ -1,4 +1,4 @@
-"""Output of the commands: text, progress and pictures."""
+"""Output of the commands: text, progress, pictures."""
 
 from __future__ import annotations
 
@@ -15,46 +15,34 @@ err = Console(stderr=True)
 
 
 def draw(file: Path, overwrite: bool, keep: bool = False) -> None:
-    """Draw the sheet and the film; `keep` leaves the ones that exist, which is an error otherwise."""
+    """Draw sheet and film; `keep` keeps existing files instead of an error."""
     from rfgen_sionna.show import NoPictureError, animation, sheet
 
     try:
-        _draw_both(file, overwrite, keep, sheet, animation)
-    except NoPictureError as reason:  # the data are there, and so are the samples for who wants to look otherwise
+        for suffix in (".png", ".gif"):
+            target = _picture(file, suffix)
+            if keep and not overwrite and target.exists():
+                out.print(f"{escape(str(target))} exists and is kept; --overwrite draws it again", soft_wrap=True)
+            elif suffix == ".png":
+                with out.status("drawing"):
+                    sheet(file, target, overwrite=overwrite)
+                report_written(target)
+            else:
+                with progress("film") as step:
+                    animation(file, target, overwrite=overwrite, progress=step)
+                report_written(target)
+    except NoPictureError as reason:  # the data are complete without pictures
         warn(str(reason), UserWarning)
-
-
-def _draw_both(
-    file: Path, overwrite: bool, keep: bool, sheet: Callable[..., Path], animation: Callable[..., Path]
-) -> None:
-    target = _picture(file, ".png")
-    if not (keep and _keeps_existing(target, overwrite)):
-        with out.status("drawing"):
-            drawn = sheet(file, target, overwrite=overwrite)
-        report_written(drawn)
-    target = _picture(file, ".gif")
-    if not (keep and _keeps_existing(target, overwrite)):
-        with progress("film") as step:
-            film = animation(file, target, overwrite=overwrite, progress=step)
-        report_written(film)
-
-
-def _keeps_existing(target: Path, overwrite: bool) -> bool:
-    """Whether a picture exists and is not to be replaced; says so."""
-    if overwrite or not target.exists():
-        return False
-    out.print(f"{escape(str(target))} exists and is left; --overwrite draws it again", soft_wrap=True)
-    return True
 
 
 def _picture(file: Path, suffix: str) -> Path:
     if file.suffix == suffix:
-        raise ValueError(f"output '{file}' is a picture's name; the data go into an HDF5 file, such as 'run.h5'")
+        raise ValueError(f"output '{file}' is a picture's name; an HDF5 file, such as 'run.h5', is needed")
     return file.with_suffix(suffix)
 
 
 def check_pictures(file: Path, overwrite: bool) -> None:
-    """Fail before the work and not after it."""
+    """Check before the work that the pictures can be written."""
     from rfgen_sionna.dataset import check_output
 
     for suffix in (".png", ".gif"):
@@ -62,13 +50,13 @@ def check_pictures(file: Path, overwrite: bool) -> None:
 
 
 def report_written(path: Path | None) -> None:
-    """Say what was written."""
+    """Print the path of a written file."""
     out.print(f"[green]wrote[/green] {escape(str(path))}", soft_wrap=True)
 
 
 @contextmanager
 def progress(description: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar; yields what to call with the number of steps done and in all."""
+    """Progress bar; yields a callback for the numbers of finished steps and of all steps."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, TextColumn("elapsed,"), TimeRemainingColumn(), TextColumn("left"), console=out) as bar:
         task = bar.add_task(description, total=None)
@@ -76,5 +64,5 @@ def progress(description: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def warn(message: Warning | str, category: type[Warning], *_: object) -> None:
-    """Say what the user should know; stands for `warnings.showwarning`."""
+    """Print a warning; replaces `warnings.showwarning`."""
     err.print(f"[yellow]warning:[/yellow] {escape(str(message))}", soft_wrap=True)

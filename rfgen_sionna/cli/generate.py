@@ -1,7 +1,8 @@
-"""`rfgen generate`: its options, and what it says while it works."""
+"""`rfgen generate`: options and output of the command."""
 
 from __future__ import annotations
 
+from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,53 +35,56 @@ rfgen generate "a person doing jumping jacks" --environment "scene: a living roo
 
 rfgen generate "a man jumps, 4 m away" --environment Munich --radar-position 205.1,-261.5,1.5 --look-at 200,-261.5,1.5
 
-A prompt names a person and one action; it may name orientation, distance, azimuth, body, hand, speed and surroundings.
-The learned motion also knows captured actions ("dances"), and arms that do something while somebody walks; an action
-that it does not know is taken for the nearest, with a warning. What else is not understood is said, and nothing is
-guessed: where words leave a choice, the seed draws it, and the report
-says of every value whether it comes from the prompt, an argument, a default or the seed."""
+A prompt names a person and one action; orientation, distance, azimuth, body, hand, speed and surroundings are optional.
+The learned motion ("diffusion") also has captured actions ("dances") and arm actions during a walk, and replaces an
+unknown action by the nearest one, with a warning. Words without effect are listed. The seed draws open choices; the
+report gives the origin of every value: prompt, argument, default or seed."""
 
 
 def generate(
-    prompt: Annotated[str, typer.Argument(help="Who does what, in a sentence or keywords.", show_default=False)],
-    negative: Annotated[str, typer.Option(help='What is not wanted: "left arm", "facing away", "child".')] = "",
+    prompt: Annotated[
+        str, typer.Argument(help="A person and an action, as a sentence or keywords.", show_default=False)
+    ],
+    negative: Annotated[str, typer.Option(help='Unwanted choices: "left arm", "facing away", "child".')] = "",
     environment: Annotated[
         str | None,
         typer.Option(
-            help='Where: "a living room", "an office", "free space", a scene of Sionna (default: the place in the '
-            'prompt). With a source: "furnished: an office" (by the seed), "scene: a living room" (of a file), '
-            '"diffusion: a street" (imagined by a model).'
+            help='Surroundings: "a living room", "an office", "free space", a scene of Sionna (default: the place in '
+            'the prompt). With a source: "furnished: an office" (furnished at random), "scene: a living room" (a '
+            'scene file), "diffusion: a street" (an image from a diffusion model).'
         ),
     ] = None,
     surroundings: Annotated[
         str | None, typer.Option(help='Deprecated: --environment "furnished: an office".', hidden=True)
     ] = None,
     no_environment: Annotated[
-        bool, typer.Option("--no-environment", help="Free space, whatever the prompt says: --environment none.")
+        bool, typer.Option("--no-environment", help="Free space, as --environment none; overrides the prompt.")
     ] = False,
-    negative_environment: Annotated[str, typer.Option(help='What imagined surroundings are without: "sofa".')] = "",
+    negative_environment: Annotated[
+        str, typer.Option(help='Unwanted contents of diffusion surroundings: "sofa".')
+    ] = "",
     refine: Annotated[
         bool | None,
-        typer.Option(help="Whether path diffusion completes imagined surroundings (default: yes).", show_default=False),
+        typer.Option(help="Correct diffusion surroundings by path diffusion (default: yes).", show_default=False),
     ] = None,
     strength: Annotated[
-        float | None, typer.Option(min=0.0, max=1.0, help="How far path diffusion goes, 0 to 1 (default: 1).")
+        float | None, typer.Option(min=0.0, max=1.0, help="Strength of path diffusion, 0 to 1 (default: 1).")
     ] = None,
     environment_model: Annotated[
         str | None,
-        typer.Option(help="What imagines: a trained model, a Stable Diffusion folder or hub name (default: ours)."),
+        typer.Option(
+            help="Model of diffusion surroundings: ours, a Stable Diffusion folder or hub name (default: ours)."
+        ),
     ] = None,
     environment_lora: Annotated[
-        str | None, typer.Option(help="RF LoRA of that model: a file, folder or hub name.")
+        str | None, typer.Option(help="RF LoRA for that model: a file, folder or hub name.")
     ] = None,
     radar: Annotated[str, typer.Option(help="A radar of `rfgen radars`, or the path of a TOML file.")] = "awr1843",
-    preset: Annotated[str | None, typer.Option(help="Configuration of that radar (default: its own choice).")] = None,
-    duration: Annotated[float, typer.Option(help="Length of the recording in seconds.")] = 3.0,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of motion, body, noise and all that the prompt leaves open.")
-    ] = 0,
+    preset: Annotated[str | None, typer.Option(help="Preset of that radar (default: set in its file).")] = None,
+    duration: Annotated[float, typer.Option(help="Length of the recording [s].")] = 3.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of motion, body, noise and all open choices.")] = 0,
     output: Annotated[
-        Path | None, typer.Option(help="HDF5 file to write (default: the action's name).", dir_okay=False)
+        Path | None, typer.Option(help="HDF5 file to write (default: name of the action).", dir_okay=False)
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
     noise: Annotated[bool, typer.Option(help="Thermal noise of the receiver.")] = True,
@@ -89,56 +93,58 @@ def generate(
         typer.Option(help="TOML file of the receiver's impairments: leakage, phase noise, ADC …", dir_okay=False),
     ] = None,
     rtol: Annotated[
-        float, typer.Option(help="Relative tolerance of the traced signal; 0.01 is 0.1 dB or 0.6 degrees.")
+        float, typer.Option(help="Relative tolerance of the signal; 0.01 is 0.1 dB or 0.6 degrees.")
     ] = 1e-2,
     distance: Annotated[
-        float | None, typer.Option(help="Distance of the person from the radar in metres, if the prompt names none.")
+        float | None, typer.Option(help="Distance from radar to person [m], if the prompt names none.")
     ] = None,
     radar_position: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,Z", help="Where the radar stands, in metres (default: 0,0,1, as in our rooms)."),
+        str | None, typer.Option(metavar="X,Y,Z", help="Position of the radar [m] (default: 0,0,1).")
     ] = None,
     look_at: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,Z", help="At what it looks (default: 3,0,1; along +x from a given position)."),
+        typer.Option(metavar="X,Y,Z", help="Point on the boresight [m] (default: 3,0,1; +x of a given position)."),
     ] = None,
     pir_resolution: Annotated[
         str | None,
-        typer.Option(metavar="ROWSxCOLUMNS", help="Pixels of the PIR images (default: 128x128, imagined 64x64)."),
+        typer.Option(metavar="ROWSxCOLUMNS", help="Pixels of the PIR images (default: 128x128, diffusion 64x64)."),
     ] = None,
     fov_deg: Annotated[
         float | None,
-        typer.Option(help="Horizontal field of view of the images in degrees (default: 60, imagined 90)."),
+        typer.Option(help="Horizontal field of view of the PIR images [degrees] (default: 60, diffusion 90)."),
     ] = None,
     projection: Annotated[
-        str, typer.Option(help='Of the images: "perspective", or "equirectangular", azimuth and elevation evenly.')
+        str, typer.Option(help='Projection of the PIR images: "perspective" or "equirectangular".')
     ] = "perspective",
     max_bounces: Annotated[
         int,
         typer.Option(
             min=1,
             max=3,
-            help="Most surfaces on a path; 2 and 3 have ghosts, corners and limbs by limbs, and take longer.",
+            help="Most surfaces on a path; 2 and 3 add ghosts, corners and double bounces, and take longer.",
         ),
     ] = 1,
     transmission: Annotated[
-        bool, typer.Option("--transmission", help="See through walls, glass and furniture; takes longer.")
+        bool, typer.Option("--transmission", help="Paths through walls, glass and furniture; takes longer.")
     ] = False,
     motion: Annotated[
-        str, typer.Option(help='Where the motion comes from: "diffusion" (learned), "kinematic" (rules) or "auto".')
+        str, typer.Option(help='Source of the motion: "diffusion" (learned), "kinematic" (rules) or "auto".')
     ] = "auto",
     collisions: Annotated[
-        str, typer.Option(help='Where the person meets walls or furniture: "error", "warn" or "ignore".')
+        str, typer.Option(help='Reaction to a person in walls or furniture: "error", "warn" or "ignore".')
     ] = "error",
     device: Annotated[
-        str, typer.Option(help='What imagines and sums the paths: "cpu", "cuda" or "auto", CUDA where there is one.')
+        str, typer.Option(help='Device of diffusion and synthesis: "cpu", "cuda" or "auto" (CUDA if available).')
     ] = "auto",
     workers: Annotated[
-        int, typer.Option(min=1, help="Processes that trace and sum frames, each on one core (Linux, without CUDA).")
+        int, typer.Option(min=1, help="Parallel processes, each on one core (Linux, without CUDA).")
     ] = 1,
-    pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation beside.")] = True,
+    pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation (GIF), too.")] = True,
 ) -> None:
-    """Simulate a prompt: radar data, images, meshes and labels in one HDF5 file."""
+    """Simulate a prompt: radar data, PIR images, meshes and labels in one HDF5 file."""
+    options: dict[str, Any] = dict(locals())
+    for name in ("surroundings", "no_environment", "strength", "pictures"):
+        del options[name]
     from rfgen_sionna.dataset import check_output
     from rfgen_sionna.generative.environment_prompt import with_source
     from rfgen_sionna.generative.sentences import read_prompt
@@ -147,66 +153,36 @@ def generate(
 
     if surroundings is not None:
         warn("--surroundings is deprecated: use --environment 'furnished: …'", DeprecationWarning)
-        environment = with_source(environment, surroundings)
+        options["environment"] = with_source(environment, surroundings)
     if no_environment:
-        if environment not in (None, "none"):
-            raise ValueError(f"--environment is {environment!r}, but --no-environment wants none: leave one out")
-        environment = "none"
-    if strength is not None and refine is False:
-        raise ValueError(f"--strength is {strength:g}, but --no-refine wants no path diffusion: leave one out")
-    resolution = None if pir_resolution is None else _resolution(pir_resolution)
-    place, target_point = _point("--radar-position", radar_position), _point("--look-at", look_at)
-    options: dict[str, Any] = {
-        "radar": radar,
-        "preset": preset,
-        "radar_position": place,
-        "look_at": target_point,
-        "duration": duration,
-        "output": output,
-        "overwrite": overwrite,
-        "noise": noise,
-        "receiver": receiver,
-        "rtol": rtol,
-        "pir_resolution": resolution,
-        "fov_deg": fov_deg,
-        "projection": projection,
-        "max_bounces": max_bounces,
-        "transmission": transmission,
-        "environment": environment,
-        "collisions": collisions,
-        "device": device,
-        "workers": workers,
-    }
-    check_options(**options)  # to read the prompt takes seconds, which nobody should wait for a word that is mistyped
+        if options["environment"] not in (None, "none"):
+            raise ValueError(f"--environment is {options['environment']!r}, but --no-environment is set: leave one out")
+        options["environment"] = "none"
+    if strength is not None:
+        if refine is False:
+            raise ValueError(f"--strength is {strength:g}, but --no-refine is set: leave one out")
+        options["refine"] = strength
+    options["pir_resolution"] = None if pir_resolution is None else _resolution(pir_resolution)
+    options["radar_position"], options["look_at"] = (
+        _point("--radar-position", radar_position),
+        _point("--look-at", look_at),
+    )
+    check_options(**{name: options[name] for name in signature(check_options).parameters})  # before the slow imports
     read = read_prompt(prompt, negative, seed=seed, source=motion)
-    target = output if output is not None else Path(f"{read.action}.h5")
+    target = options["output"] = output if output is not None else Path(f"{read.action}.h5")
     out.print(escape(read.words()), soft_wrap=True)
     check_output(target, overwrite)
     if pictures:
         check_pictures(target, overwrite)
-
     with progress("frames") as step:
-        run(
-            prompt,
-            negative=negative,
-            negative_environment=negative_environment,
-            refine=refine if strength is None else strength,
-            environment_model=environment_model,
-            environment_lora=environment_lora,
-            seed=seed,
-            distance=distance,
-            motion=motion,
-            **options | {"output": target},
-            progress=step,
-            report=_print_decisions,
-        ).close()
+        run(**options, progress=step, report=_print_decisions).close()
     report_written(target)
     if pictures:
         draw(target, overwrite)
 
 
 def _print_decisions(report: str) -> None:
-    """Print what the report adds to the words, which are shown already; a warning names those without effect."""
+    """Print the decisions of a report, without the words before them."""
     from rfgen_sionna.generative.prompts import DECIDED
 
     _, heading, decisions = report.partition(DECIDED)

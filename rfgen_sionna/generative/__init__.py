@@ -1,6 +1,6 @@
-"""From words to bodies in motion: prompts, motion, bodies, actors.
+"""Actors from prompts: language, motion, bodies, surroundings.
 
-Importing it is light; what is named here is loaded at first use, and anny (torch) only when a body is made.
+Names are imported at first use, anny (torch) with the first body.
 """
 
 from __future__ import annotations

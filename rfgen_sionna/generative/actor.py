@@ -1,4 +1,4 @@
-"""People, and whatever else a file holds, as actors of a scene."""
+"""Actors of a scene from prompts, motions and mesh files."""
 
 from __future__ import annotations
 
@@ -31,32 +31,32 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger(__name__)
 
 DEFAULT_DURATION = 3.0
-"""Length of a motion where the caller says none [s]."""
+"""Default duration of a motion [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Actor(MeshActor):
-    """A :class:`rfgen_sionna.scene.MeshActor` that can be made from words, motions and clips."""
+    """A :class:`rfgen_sionna.scene.MeshActor` from a prompt, a motion or a file."""
 
     motion: Motion | None = None
-    """What it performs, where it has a skeleton."""
+    """Motion of an actor with a skeleton."""
     prompt: ScenePrompt | None = None
-    """The prompt it was made from."""
+    """Interpreted prompt."""
     body: Rig | None = None
-    """Its body, where it is a person."""
+    """Body of a person."""
     phenotype: Phenotype | None = None
-    """What was asked of the body; the rest came from the seed."""
+    """Given attributes of the body; the seed drew the rest."""
     decisions: tuple[Decision, ...] = ()
-    """Where it was made from a prompt: everything that was decided, and who did: prompt, argument, default or seed."""
+    """Decisions of an actor from a prompt, each with its origin: prompt, argument, default or seed."""
 
     def report(self, more: Iterable[Decision] = ()) -> str:
-        """Several lines: what the prompt was read as, and every decision with its origin; `more` come last.
+        """Interpretation of the prompt and every decision with its origin, `more` at the end; several lines.
 
         Raises:
-            ValueError: it was not made from a prompt.
+            ValueError: the actor has no prompt.
         """
         if self.prompt is None:
-            raise ValueError(f"actor '{self.name}' was not made from a prompt, so there is nothing to report")
+            raise ValueError(f"actor '{self.name}' has no prompt and no report; Actor.from_prompt makes one")
         return self.prompt.report((*self.decisions, *more))
 
     @classmethod
@@ -77,31 +77,30 @@ class Actor(MeshActor):
         floor: float = 0.0,
         motion: str = "kinematic",
     ) -> Actor:
-        """A person who does what a sentence says.
+        """Person from a prompt.
 
         Args:
-            prompt: a sentence or keywords, such as "a tall woman walking back and forth, at 4 m", or one already read
-                (whose words without effect are then taken for reported).
-            seed: everything the prompt leaves open is drawn from it.
-            duration: length of the motion [s].
-            body: the body; a phenotype is completed from the seed, None takes what the prompt says.
-            position: where the motion's origin stands on the floor, world frame [m]. None: the prompt's distance (3 m
-                if it says none) and azimuth before the radar, at the height `floor`.
-            orientation: (yaw, pitch, roll) [rad]. None: facing the radar, turned by the prompt's angle.
-            negative: what is not wanted.
+            prompt: a sentence or keywords, such as "a tall woman walking back and forth, at 4 m", or an interpreted
+                prompt, whose warnings are then not logged again.
+            seed: seed of all open choices.
+            duration: duration of the motion [s].
+            body: the body; a phenotype is completed from the seed, None takes the prompt's attributes.
+            position: world position of the motion's origin [m]; None takes the prompt's distance (default 3 m) and
+                azimuth in front of the radar, at the height `floor`.
+            orientation: (yaw, pitch, roll) [rad]; None faces the radar, turned by the prompt's angle.
+            negative: negative prompt.
             material: name of a material.
-            name: what labels call the person.
-            radar: whom the person stands before; None is a radar at the origin looking along +x.
-            source: where the motion comes from; None is what `motion` names.
+            name: name of the person in labels.
+            radar: the radar; None is one at the origin with its boresight along +x.
+            source: source of the motion; None takes the one named by `motion`.
             floor: height of the floor under the person [m].
-            motion: "kinematic" (rules of movement), "diffusion" (the learned model, which also knows captured actions
-                and arms that do something while somebody walks or jumps, and takes words it doesn't know for the
-                nearest action, with a warning) or "auto", the learned model where its packages are installed.
+            motion: "kinematic" (rules), "diffusion" (learned model, with captured actions and arm actions during walks
+                and jumps) or "auto", the learned model if its packages are installed.
 
         Raises:
             PromptError: the prompt cannot be carried out.
-            PhenotypeError: the body cannot be had.
-            ValueError: a duration, speed or hand that the source does not allow, or a walk that leads to the radar.
+            PhenotypeError: the attributes of the body are out of reach.
+            ValueError: a duration, speed or hand out of the source's range, or a walk too near the radar.
             ImportError: anny (or torch), or for the learned model diffusers, is not installed.
         """
         check_seed(seed)
@@ -120,7 +119,7 @@ class Actor(MeshActor):
         if position is None or orientation is None:
             place, yaw = place_before_radar(radar, distance, said.bearing_deg or 0.0)
         yaw += np.radians(said.orientation_deg or 0.0)
-        # the action is checked before the body is built, which may take a minute on a first start
+        # before the body, whose first construction may take a minute
         _check(said, duration, source)
         if isinstance(body, Rig):
             rig = body
@@ -128,11 +127,11 @@ class Actor(MeshActor):
             try:
                 rig = person(phenotype, seed=seed)
             except PhenotypeError:
-                # No one body has it all: what words asked for gives way, what numbers asked for does not.
+                # Attributes by words contradict each other: drop the muscles.
                 if phenotype is not wanted or not {"weight", "muscle"} <= words.drawn:
                     raise
                 given = (words.muscle, words.weight_kg)
-                _LOG.warning("body: no muscle of %g goes with %g kg here; the weight is kept", *given)
+                _LOG.warning("body: muscle %g is out of reach at %g kg; the weight is kept", *given)
                 phenotype = replace(wanted, muscle=None)
                 rig = person(phenotype, seed=seed)
         performed = _performed(said, duration, seed, rig.skeleton, source)
@@ -141,7 +140,7 @@ class Actor(MeshActor):
             path, seen = walk_back(performed)
             way.append(path)
             if not seen:
-                _LOG.warning("duration: %g s show no way back of the walk back and forth; take longer", duration)
+                _LOG.warning("duration: %g s are too short for the way back of the walk; take longer", duration)
         elif said.action == "walk_straight" and position is None and orientation is None:
             way.append(check_walk_path(performed, place, yaw, radar))
         arguments = {"position": position, "orientation": orientation, "body": body}
@@ -174,24 +173,24 @@ class Actor(MeshActor):
         name: str = "person",
         radar: Radar | None = None,
     ) -> Actor:
-        """A person performing a motion, or a mesh sequence from files.
+        """Person with a motion, or actor from a mesh sequence.
 
         Args:
-            motion: a motion; a file of one (AMASS / SMPL / SMPL-H / SMPL-X `.npz`, MDM's or HumanML3D's `.npy`,
-                `.bvh`); a `.glb` file with an animation; or a folder of meshes of fixed connectivity.
-            seed: what `body` leaves open is drawn from it.
-            body: the body that performs a motion; not used for meshes, which are bodies themselves.
-            frame_rate: frames per second of a folder of meshes [Hz], needed there; or at which an animation is sampled
-                [Hz], 30 unless given; not for motions.
-            up: up axis of the world of an `.npz` or `.bvh` clip, "z" or "y"; None is z for the first, as AMASS has it,
-                and what people stand along in the other.
-            index: which motion of a file with several (MDM's `results.npy`, animations of a GLB file).
+            motion: a motion; its file (AMASS / SMPL / SMPL-H / SMPL-X `.npz`, MDM's or HumanML3D's `.npy`, `.bvh`); a
+                `.glb` file with an animation; or a folder of meshes of fixed connectivity.
+            seed: seed of the attributes that `body` leaves open.
+            body: body of a person; None draws one. Meshes take none.
+            frame_rate: frame rate of a folder of meshes [Hz], required there; sampling rate of an animation [Hz], None
+                takes 30. Motions take none.
+            up: up axis of an `.npz` or `.bvh` clip, "z" or "y"; None takes z for `.npz`, as in AMASS, and the axis of a
+                standing body for `.bvh`.
+            index: number of the motion in a file (MDM's `results.npy`, animations of a GLB file).
             position, orientation, material, name, radar: as in :meth:`from_prompt`, without a prompt.
 
         Raises:
             FileNotFoundError: there is no such file or folder.
             ClipError: the file cannot be used.
-            ValueError: `frame_rate` is missing for meshes or given for a motion.
+            ValueError: `frame_rate` is missing, or an argument does not apply to this kind of motion.
         """
         place, yaw = place_before_radar(radar, DEFAULT_DISTANCE)
         sequence: MeshSequence
@@ -220,11 +219,10 @@ class Actor(MeshActor):
                 raise ValueError("frame_rate: a motion has its own; leave it out")
             if index and isinstance(motion, Motion):
                 raise ValueError(f"index: {index!r} of a Motion, which is one; allowed is 0")
-            clip = (
-                motion
-                if isinstance(motion, Motion)
-                else load_any_motion(motion, up=up, index=index, action=Path(motion).stem)
-            )
+            if isinstance(motion, Motion):
+                clip = motion
+            else:
+                clip = load_any_motion(motion, up=up, index=index, action=Path(motion).stem)
             phenotype = None if isinstance(body, Rig) else body or Phenotype()
             rig = body if isinstance(body, Rig) else person(phenotype, seed=seed)
             sequence = animate(rig, clip)
@@ -257,7 +255,7 @@ def _check(said: ScenePrompt, duration: float, source: MotionSource) -> None:
 
 
 def _performed(said: ScenePrompt, duration: float, seed: int, skeleton: Skeleton, source: MotionSource) -> Motion:
-    """The motion that a prompt asks for."""
+    """Motion of a prompt by its source."""
     speed = 1.0 if said.speed is None else said.speed
     if not (said.sentence and isinstance(source, SentenceSource)):
         return source(said.action, duration, seed, skeleton=skeleton, hand=said.hand, speed=speed)
@@ -274,7 +272,7 @@ def _performed(said: ScenePrompt, duration: float, seed: int, skeleton: Skeleton
 
 
 def _decisions(said: ScenePrompt, seed: int, person: Phenotype, given: Mapping[str, Any]) -> list[Decision]:
-    """What the prompt decided, with the arguments that replace it and the body as it came out."""
+    """Decisions of the prompt, with the arguments that replace them and the attributes of the body `person`."""
     found = []
     for decision in said.decisions():
         name = decision.name

@@ -1,7 +1,6 @@
-"""What a prompt says about the body: gender, age, height, weight and muscle.
+"""Body of a prompt: gender, age, height, weight and muscle, by numbers or by classes of words.
 
-Numbers are taken as they are. Words ("tall", "elderly") name a class, and a value of that class is drawn from
-the seed; a negative prompt takes classes away.
+The seed draws a value of a class ("tall", "elderly"); a negative prompt excludes classes.
 """
 
 from __future__ import annotations
@@ -17,14 +16,16 @@ from rfgen_sionna.generative.decisions import NEGATIVE, PROMPT, drawn
 from rfgen_sionna.generative.text_reader import Reader, compile_pattern, number
 from rfgen_sionna.generative.vocabulary import AGE_PATTERN, HEIGHT_PATTERNS, KILOGRAMS, METRES, PERSON, WEIGHT_PATTERN
 
+TRAITS = ("gender", "age", "height", "weight", "muscle")
+
 
 class PromptError(ValueError):
-    """A prompt that cannot be carried out: it names nothing known, too much, or contradicts itself."""
+    """The prompt cannot be carried out: its words are unknown, ambiguous or contradictory."""
 
 
 @dataclass(frozen=True)
 class BodyPrompt:
-    """The body a prompt asks for; None where it leaves the choice open."""
+    """Attributes of the body in a prompt; None leaves one open."""
 
     gender: str | None = None
     """"male" or "female"."""
@@ -34,17 +35,12 @@ class BodyPrompt:
     muscle: float | None = None
     """0 (frail) to 1 (very muscular)."""
     drawn: frozenset[str] = frozenset()
-    """Traits whose value was drawn from a class of words ("heavy"), not stated as a number."""
+    """Traits with a value drawn from a class of words ("heavy")."""
 
     def traits(self) -> dict[str, str | float | None]:
-        """Trait -> value, in the order in which a person is described."""
-        return {
-            "gender": self.gender,
-            "age": self.age_years,
-            "height": self.height_m,
-            "weight": self.weight_kg,
-            "muscle": self.muscle,
-        }
+        """Trait -> value, in the order of :data:`TRAITS`."""
+        values = (self.gender, self.age_years, self.height_m, self.weight_kg, self.muscle)
+        return dict(zip(TRAITS, values, strict=True))
 
 
 Range = tuple[float, float]
@@ -65,8 +61,8 @@ HEIGHTS: Mapping[str | None, Mapping[str, Range]] = {
     "female": {"short": (1.48, 1.55), "average height": (1.58, 1.68), "tall": (1.71, 1.80)},
     None: {"short": (1.52, 1.60), "average height": (1.63, 1.75), "tall": (1.78, 1.88)},
 }
-"""Gender -> class -> stature of adults [m]: about the 2nd-10th, 20th-80th and 90th-99th percentile of ANSUR II
-(2012; stature 1.756 m +- 0.069 m for men, 1.628 m +- 0.064 m for women; in between where no gender is named)."""
+"""Gender -> class -> stature of adults [m]: about the 2nd-10th, 20th-80th and 90th-99th percentile of ANSUR II (2012);
+None is in between."""
 
 BODY_MASS_INDICES: Mapping[str, Range] = {"slim": (17.5, 20.0), "average weight": (21.0, 25.0), "heavy": (29.0, 34.0)}
 """Class -> body mass index [kg/m^2], inside the WHO's bands of under/normal weight, normal weight and obesity."""
@@ -85,7 +81,7 @@ NOUNS: _Words = (
     ("age", frozenset({"teenager"}), r"teen|teenager"),
     ("age", frozenset({"elderly"}), r"senior|elder"),
 )
-"""(trait, classes, nouns): what the word for the target says about the body."""
+"""(trait, classes, nouns) of words for the target."""
 
 SIMPLE_NOUNS: _Words = (
     ("gender", frozenset({"male"}), r"m[ae]n|gentlem[ae]n|guys?"),
@@ -95,7 +91,7 @@ SIMPLE_NOUNS: _Words = (
     ("age", ADULT, r"adults?"),
     ("age", frozenset({"elderly"}), r"seniors?|elders?"),
 )
-"""What a noun in a negative prompt forbids: one trait each, "no man" forbids men of any age."""
+"""(trait, classes, nouns) of a negative prompt: one trait each, "man" excludes men of any age."""
 
 _PHRASES: _Words = (
     ("gender", frozenset({"male"}), r"male|masculine"),
@@ -113,7 +109,7 @@ _PHRASES: _Words = (
     ("muscle", frozenset({"muscular"}), r"muscular|athletic|burly|well built|brawny"),
     ("muscle", frozenset({"frail"}), r"frail|unathletic|scrawny"),
 )
-"""Words that describe a body wherever they stand."""
+"""Words that describe a body in any position."""
 
 _ADJECTIVES: _Words = (
     ("age", frozenset({"elderly"}), r"old|senior"),
@@ -126,17 +122,18 @@ _ADJECTIVES: _Words = (
     ("muscle", frozenset({"frail"}), r"weak"),
     ("muscle", frozenset({"muscular"}), r"strong|fit|toned"),
 )
-"""Words that describe a body only before a person, after "is" or alone between commas ("short steps" doesn't)."""
+"""Words that describe a body before a person, after "is" or alone between commas, unlike "short steps"."""
 
 _LIMITS: Mapping[str, tuple[float, float, str]] = {
     "height": (0.9, 2.2, "m"),
     "weight": (12.0, 200.0, "kg"),
     "age": (4.0, 90.0, "years"),
 }
+"""Trait -> bounds of its number, and unit: within anny's reach."""
 
 
 class BodyWords:
-    """The classes and numbers that a text names, trait by trait."""
+    """Classes and numbers of traits in a text."""
 
     def __init__(self) -> None:
         self.classes: dict[str, list[tuple[str, frozenset[str]]]] = {}
@@ -153,7 +150,7 @@ class BodyWords:
             self.take_value(reader, m, "age", number(m["value"] or m["value2"]))
 
     def take_value(self, reader: Reader, match: re.Match[str], trait: str, value: float) -> None:
-        """Take the number that a phrase gives for a trait, in the unit of its limits."""
+        """Take the number of a trait, in the unit of its limits; PromptError if out of range or if there are two."""
         low, high, unit = _LIMITS[trait]
         value = round(value, 3)
         if not low <= value <= high:
@@ -164,7 +161,7 @@ class BodyWords:
         reader.note(match, f"{trait} {value:g} {unit}")
 
     def read_adjectives(self, reader: Reader) -> None:
-        """Take the adjectives; to be called before the nouns they stand by are taken."""
+        """Take the adjectives, before their nouns are taken."""
         very = r"(?:(?:very|quite|rather|fairly) )?"
         for trait, classes, words in _PHRASES:
             self.take_classes(reader, rf"{very}(?:{words})(?= |$)", trait, classes)
@@ -175,13 +172,13 @@ class BodyWords:
             self.take_classes(reader, place, trait, classes)
 
     def take_classes(self, reader: Reader, pattern: str, trait: str, classes: frozenset[str]) -> None:
-        """Take the words of a pattern, which name classes of a trait."""
+        """Take the words of a pattern for classes of a trait."""
         for match in reader.take(pattern):
             self.classes.setdefault(trait, []).append((match.group(), classes))
             reader.note(match, f"{trait}: {' or '.join(sorted(classes))}")
 
     def read_noun(self, phrase: str) -> str:
-        """Add what the word for the target says about the body; returns it for the report."""
+        """Add the classes of the word for the target; returns them as text for the report."""
         said = []
         for trait, classes, nouns in NOUNS:
             if compile_pattern(nouns).search(phrase):
@@ -191,23 +188,17 @@ class BodyWords:
 
 
 def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPrompt, dict[str, str]]:
-    """The body that fits both prompts; what only classes describe is drawn from the seed.
+    """Body within the classes and numbers of both prompts, and trait -> origin of its value.
 
     Args:
-        wanted: what the prompt names.
-        unwanted: what the negative prompt names.
-        seed: seed of the draws; each trait has its own stream, so that one word more leaves the others alone.
-
-    Returns:
-        the body, and trait -> where its value comes from, for those that have one.
+        wanted: words of the prompt.
+        unwanted: words of the negative prompt.
+        seed: seed of the draws, with an own stream for each trait.
 
     Raises:
-        PromptError: the two prompts leave nothing of a trait.
+        PromptError: the prompts contradict each other or themselves.
     """
-    rng = {
-        trait: np.random.default_rng([seed, i])
-        for i, trait in enumerate(("gender", "age", "height", "weight", "muscle"))
-    }
+    rng = {trait: np.random.default_rng([seed, i]) for i, trait in enumerate(TRAITS)}
     origins: dict[str, str] = {}
     drawn_traits: set[str] = set()
 
@@ -240,7 +231,7 @@ def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPr
     height = draw("height", HEIGHTS[gender])
     if words_about("weight"):
         if height is None:
-            # it gives the word for the weight a meaning
+            # for the mass of a body mass index
             height = round(float(rng["height"].uniform(*HEIGHTS[gender]["average height"])), 2)
             origins["height"] = drawn(seed, ["average height"])
         index = draw("weight", BODY_MASS_INDICES)
@@ -252,13 +243,13 @@ def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPr
 
 
 def _stated(trait: str, ranges: Mapping[str, Range], wanted: BodyWords, unwanted: BodyWords) -> float:
-    """The number that the prompt gives, if the words of both prompts agree with it."""
+    """Number of a trait in the prompt; PromptError if it contradicts the words."""
     phrase, value = wanted.values[trait]
-    if trait == "weight":  # its words are about the body mass index, a number is not
+    if trait == "weight":  # classes are of the body mass index
         return value
 
     def within(classes: Iterable[str]) -> bool:
-        # Ages count in whole years, heights between two classes belong to neither, extremes to the outer classes.
+        # Ages are whole years, heights between two classes belong to neither, extremes to the outer classes.
         bounds = [bound for r in ranges.values() for bound in r]
         measure = min(max(math.floor(value) if trait == "age" else value, min(bounds)), max(bounds))
         return any(ranges[c][0] <= measure <= ranges[c][1] for c in classes)
@@ -273,7 +264,7 @@ def _stated(trait: str, ranges: Mapping[str, Range], wanted: BodyWords, unwanted
 
 
 def _allowed(trait: str, known: Iterable[str], wanted: BodyWords, unwanted: BodyWords) -> list[str] | None:
-    """Classes of a trait that both prompts allow, None where neither says anything."""
+    """Classes of a trait that both prompts allow; None without words about it."""
     said, denied = wanted.classes.get(trait, []), unwanted.classes.get(trait, [])
     if not said and not denied:
         return None
@@ -285,6 +276,6 @@ def _allowed(trait: str, known: Iterable[str], wanted: BodyWords, unwanted: Body
     for word, classes in denied:
         allowed -= classes
         if not allowed:
-            asked = ", ".join(repr(w) for w, _ in said) or "nothing else"
-            raise PromptError(f"{trait}: the negative prompt forbids {word!r}, which leaves nothing of {asked}")
+            rest = ", ".join(repr(w) for w, _ in said) or "nothing else"
+            raise PromptError(f"{trait}: the negative prompt forbids {word!r}, which leaves nothing of {rest}")
     return [c for c in known if c in allowed]

@@ -1,4 +1,4 @@
-"""Rigid things that travel: a car, a cart, a drone along a path."""
+"""Trajectories of rigid objects along a path: cars, carts, drones."""
 
 from __future__ import annotations
 
@@ -11,22 +11,26 @@ from scipy.interpolate import CubicSpline
 from rfgen_sionna._types import FloatArray
 
 _FINE = 400
+"""Samples per point of a path for the trapezoidal sum of its arc length."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A trajectory for :class:`rfgen_sionna.scene.MeshActor`: smooth through points, from standstill to standstill.
+    """Trajectory for :class:`rfgen_sionna.scene.MeshActor`: smooth through points, from standstill to standstill.
 
-    Called with a time [s] it returns the position [m] and the orientation (yaw, pitch, roll) [rad] along the path.
-    Curve and speed are C², so the phase of what it reflects has no kinks.
+    A call with a time [s] returns the position [m] and the orientation (yaw, pitch, roll) [rad] along the path. Curve
+    and speed are C², and so is the phase of reflections. The curve swings out at sharp corners.
+
+    Raises:
+        ValueError: fewer than two points, equal successive ones, or a speed or ramp out of range.
     """
 
-    points: FloatArray
-    """(point, 3) places [m] on the path, passed in this order."""
+    points: ArrayLike
+    """(point, 3) positions on the path in order [m]; (point, 2) stay at height 0."""
     speed: float
     """Cruising speed [m/s]."""
     ramp: float = 1.5
-    """Time from standstill to cruising speed, and back at the end [s]; 0 arrives and leaves at full speed."""
+    """Time from standstill to cruising speed, and back at the end [s]; 0 starts and ends at full speed."""
     _curve: CubicSpline = field(init=False, repr=False, compare=False)
     _arc: FloatArray = field(init=False, repr=False, compare=False)
     _parameter: CubicSpline = field(init=False, repr=False, compare=False)
@@ -47,7 +51,7 @@ class Drive:
         object.__setattr__(self, "points", points)
         knots = np.concatenate([[0.0], np.cumsum(steps)])
         curve = CubicSpline(knots, points, bc_type="natural" if len(points) > 2 else "not-a-knot")
-        # the spline's parameter is not its length: distance along it against the parameter, to be turned round
+        # arc length over the spline's parameter, then inverted
         u = np.linspace(0.0, knots[-1], _FINE * len(points))
         rate = np.linalg.norm(curve(u, 1), axis=-1)
         length = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(u))])
@@ -57,12 +61,12 @@ class Drive:
 
     @property
     def length(self) -> float:
-        """Of the path [m]."""
+        """Length of the path [m]."""
         return float(self._arc[-1])
 
     @property
     def duration(self) -> float:
-        """From start to end [s]."""
+        """Time from start to end [s]."""
         return self.length / self.speed + self._ramp
 
     @property
@@ -70,7 +74,7 @@ class Drive:
         return min(self.ramp, self.length / self.speed)
 
     def travelled(self, t: float) -> float:
-        """Distance along the path [m] at `t` [s]; before the start 0, after the end the whole."""
+        """Distance along the path [m] at `t` [s]; 0 before the start, :attr:`length` after the end."""
         if self._ramp == 0.0:
             return float(np.clip(t * self.speed, 0.0, self.length))
         return self.speed * self._ramp * (_rise(t / self._ramp) - _rise((t - self.length / self.speed) / self._ramp))
@@ -79,15 +83,6 @@ class Drive:
         u = float(self._parameter(self.travelled(t)))
         x, y, z = self._curve(u, 1)
         return self._curve(u), (float(np.arctan2(y, x)), float(-np.arctan2(z, np.hypot(x, y))), 0.0)
-
-
-def drive(points: ArrayLike, speed: float, *, ramp: float = 1.5) -> Drive:
-    """A :class:`Drive` through (point, 2 or 3) places [m] at `speed` [m/s].
-
-    The curve passes the points and bends evenly, so that it swings out beside a sharp corner: a corner to be cut
-    wants points along the bend.
-    """
-    return Drive(np.asarray(points, np.float64), speed, ramp)
 
 
 def _rise(s: float) -> float:

@@ -1,4 +1,4 @@
-"""Which place a text names: in a prompt, after a keyword, or as a description of its own."""
+"""Surroundings in a text: in a prompt, after a keyword, or as a description of their own."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names, take_compo
 from rfgen_sionna.generative.text_reader import Reader, compile_pattern, negation_in
 
 NOWHERE = "free space"
-"""What no surroundings at all are called."""
+"""Name of empty surroundings."""
 PLACE_PATTERNS = {
     "bedroom": r"bed ?room|sleeping room|room to sleep in",
     "office": r"office(?: room)?|work ?room|study",
@@ -22,13 +22,13 @@ PLACE_PATTERNS = {
     "playground": r"(?:children )?play ?ground|play area",
     "open field": r"(?:open |grass )?field|meadow|grassland",
 }
-"""Furnished places (:data:`rfgen_sionna.scene.furnished.PLACES`) that are no scene of a file -> how they are said."""
+"""Furnished place (:data:`rfgen_sionna.scene.furnished.PLACES`) without a scene file -> pattern."""
 _PLACES_OF_SCENES = {
     "living_room": "living room",
     "simple_street_canyon": "street",
     "simple_street_canyon_with_cars": "street",
 }
-"""Scenes of a file -> what such places are called where they are furnished or imagined."""
+"""Scene file -> name of the same kind of furnished or imagined place."""
 _PATTERNS = {**vocabulary.SCENE_PATTERNS, **PLACE_PATTERNS}
 _COMMON_WORDS = vocabulary.COMMON_SCENE_WORDS | set(PLACE_PATTERNS)
 KNOWN = (
@@ -42,7 +42,7 @@ SOURCES = {
     "diffusion": "an image drawn by a diffusion model",
     "none": "free space, whatever the prompt says",
 }
-"""Sources of surroundings that an `environment` argument may name -> their meaning."""
+"""Sources of surroundings in an `environment` argument -> meaning."""
 _SOURCE = re.compile(r"\s*(\w+)\s*(?::(.*))?", re.DOTALL)
 
 _KEYWORD = re.compile(
@@ -56,30 +56,31 @@ _SOMETHING_ELSE = re.compile(
 
 @dataclass(frozen=True)
 class EnvironmentPrompt:
-    """The surroundings a text asks for."""
+    """Requested surroundings."""
 
     text: str
     scene: str
     """Name of a scene, or of a furnished place."""
     unused: tuple[str, ...] = ()
+    """Phrases without effect."""
 
     @property
     def has_file(self) -> bool:
-        """Whether it is a scene of a file, always the same."""
+        """Whether there is such a scene file."""
         return self.scene in vocabulary.SCENE_PATTERNS
 
     @property
     def place(self) -> str | None:
-        """Such a place where it is furnished or imagined; None where there is none, as of a city's scene."""
+        """Name as a furnished or imagined place; None for scenes of a file only, such as cities."""
         return _PLACES_OF_SCENES.get(self.scene, self.scene if self.scene in PLACE_PATTERNS else None)
 
     @property
     def is_name(self) -> bool:
-        """Whether the text is nothing but the name of a scene of a file, as `load_scene` takes it."""
+        """Whether the text is the name of a scene file, as for `load_scene`."""
         return self.has_file and self.text.strip() == self.scene
 
     def warnings(self, *, imagined: bool = False) -> tuple[str, ...]:
-        """One sentence for each phrase without effect; where the place is `imagined`, furniture has one."""
+        """One sentence for each phrase without effect; furniture has an effect in an `imagined` place."""
         lost = self.unused
         if imagined:
             readers = [Reader(phrase) for phrase in lost]
@@ -95,14 +96,14 @@ def split_source(environment: str | None) -> tuple[str, str | None]:
 
     Returns
     -------
-    One of :data:`SOURCES`, "auto" where none is named; and the words, None where there are none.
+    One of :data:`SOURCES`, or "auto" without one; and the words, or None without any.
 
     Raises
     ------
     PromptError
-        The text before a colon is no source, or words follow "none".
+        If the text before a colon is no source, or words follow "none".
     TypeError
-        `environment` is neither a text nor None.
+        If `environment` is neither a text nor None.
     """
     if environment is None:
         return "auto", None
@@ -116,24 +117,23 @@ def split_source(environment: str | None) -> tuple[str, str | None]:
         allowed = ", ".join(f"'{name}' ({meaning})" for name, meaning in SOURCES.items())
         raise PromptError(f"environment: {source!r} is no source of surroundings; allowed before the colon: {allowed}")
     if source == "none" and words:
-        raise PromptError(
-            f"environment: {environment!r} names a place, but 'none' is free space: leave one of them out"
-        )
+        raise PromptError(f"environment: {environment!r} names a place, but 'none' is free space: leave one out")
     return source, words or None
 
 
 def with_source(environment: str | None, source: str) -> str | None:
-    """`environment` with a `source` of its own, as the former argument `surroundings` had it."""
+    """`environment` with a `source`, the deprecated argument `surroundings`."""
     if source == "auto":
         return environment
     return source if environment is None else f"{source}: {environment}"
 
 
 def parse_environment(text: str | None) -> EnvironmentPrompt | None:
-    """Read which scene a text asks for; None, an empty text or "free space" is no surroundings at all.
+    """Surroundings of a text; None for None, an empty text or "free space".
 
     Raises:
-        PromptError: no known scene, several, or a negation: what is not wanted leaves open what is.
+        PromptError: no known scene, several, or a negation.
+        TypeError: `text` is neither a text nor None.
     """
     if text is None:
         return None
@@ -146,8 +146,8 @@ def parse_environment(text: str | None) -> EnvironmentPrompt | None:
     scenes = [NOWHERE] if reader.take(rf"<a>(?:{vocabulary.NO_SCENE})") else []
     if negation := negation_in(reader.text):
         raise PromptError(
-            f"environment: {text!r} negates something ({negation!r}); say which one is wanted, {KNOWN}; what an "
-            "imagined place is without goes into the negative environment prompt"
+            f"environment: {text!r} negates something ({negation!r}); say which one is wanted, {KNOWN}; unwanted "
+            "contents of an imagined place go into the negative environment prompt"
         )
     scenes += _take_scenes(reader)
     if len(scenes) != 1:
@@ -159,8 +159,7 @@ def parse_environment(text: str | None) -> EnvironmentPrompt | None:
 
 
 def _take_scenes(reader: Reader) -> list[str]:
-    """Take the scenes that a description names. What follows "with" is in the place that is named before it: "a living
-    room with a box" is one scene."""
+    """Take the scenes of a description, without contents: "a living room with a box" is one scene."""
     found = []
     for scene, pattern in _PATTERNS.items():
         found += [(match, scene) for match in reader.take(rf"<a>(?:{pattern})")]
@@ -173,21 +172,18 @@ def _take_scenes(reader: Reader) -> list[str]:
 
 
 def in_words(scene: str) -> EnvironmentPrompt | None:
-    """The surroundings that a sentence was read as naming, as words instead of the name of a scene."""
-    asked = parse_environment(scene)
-    if asked is None or asked.place is None:
-        return asked
-    return replace(asked, text=f"{'an' if asked.place[0] in 'aeiou' else 'a'} {asked.place}")
+    """Surroundings of the name of a scene, as if described in words."""
+    request = parse_environment(scene)
+    if request is None or request.place is None:
+        return request
+    return replace(request, text=f"{'an' if request.place[0] in 'aeiou' else 'a'} {request.place}")
 
 
 def split_keyword(text: str) -> tuple[str, list[tuple[str, str]]]:
-    """Take "environment: a living room" and the like out of a text.
-
-    Returns:
-        the rest, and (words, scene) for each such keyword; "free space" is no scene.
+    """Text without keywords such as "environment: a living room", and (words, scene) of each of them.
 
     Raises:
-        PromptError: the value of a keyword is no scene that is known.
+        PromptError: a keyword has no known scene.
     """
     found = []
     for match in _KEYWORD.finditer(text):
@@ -197,21 +193,21 @@ def split_keyword(text: str) -> tuple[str, list[tuple[str, str]]]:
 
 
 def read_scenes(reader: Reader) -> list[tuple[str, str]]:
-    """Take the surroundings that a prompt names: (words, scene)."""
+    """Take the surroundings of a prompt: (words, scene)."""
     found: list[tuple[str, str]] = []
 
     def take(pattern: str, scene: str) -> None:
         for match in compile_pattern(pattern).finditer(reader.text):
             how = [match.span(name) for name in match.groupdict() if match[name] is not None]
             start, end = how[0] if how else (match.end(), match.end())
-            reader.erase(match.start(), max(match.start(), start - (start < end)))  # words stay words of their own
+            reader.erase(match.start(), max(match.start(), start - (start < end)))  # a space stays before the rest
             reader.erase(end, match.end())
             found.append((match.group(), scene))
             reader.note(match, f"surroundings {scene}")
 
     take(vocabulary.FREE_SPACE, NOWHERE)
     for scene, pattern in _PATTERNS.items():
-        # "box" or "street" are common words: they name a scene only after "in a" or alone between commas.
+        # Common words such as "box" name a scene after "in a" or alone between commas.
         if scene in _COMMON_WORDS:
             inside = vocabulary.SCENE_PREFIX if found else vocabulary.SCENE_PREFIX.replace("|or", "")
             here, alone = (rf"<a>(?P<{name}>(?:{vocabulary.HOW} )*)(?:{pattern})" for name in ("how", "how2"))
@@ -222,15 +218,11 @@ def read_scenes(reader: Reader) -> list[tuple[str, str]]:
 
 
 def refuse_unknown_place(reader: Reader) -> None:
-    """Refuse what is left of a prompt where it says a place that is no scene.
-
-    Raises:
-        PromptError: naming the place and the scenes that are known.
-    """
+    """Raise a PromptError for an unknown place in the rest of a prompt."""
     found = [m.group() for m in compile_pattern(vocabulary.UNKNOWN_PLACE).finditer(reader.text)]
     for match in compile_pattern(vocabulary.PLACE_LIKE).finditer(reader.text):
         start, end = match.span("place")
-        # an action at the end ("in a big jump") is no place; where something else that was read follows, it may be
+        # an action at the end ("in a big jump") is no place, unless another read phrase follows
         after = re.search(r"(?<=[a-z]) ~", match["place"])
         if after and _SOMETHING_ELSE.match(reader.said, start + after.start() + 1):
             end = start + after.start()

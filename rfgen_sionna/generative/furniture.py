@@ -1,4 +1,4 @@
-"""The pieces that layouts of places hold, by all the names that people call them."""
+"""Names of furniture in layouts of places, and of finishes of their surfaces."""
 
 from __future__ import annotations
 
@@ -14,75 +14,45 @@ OTHER_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "armchair": ("arm chair", "easy chair", "lounge chair", "recliner"),
         "basketball hoop": ("basketball basket", "basketball net", "basketball ring"),
-        "bed": ("bedstead", "bunk bed", "double bed", "single bed"),
-        "bench": ("park bench",),
-        "bicycle": ("bike", "push bike"),
-        "bin": ("waste basket", "waste bin", "waste paper basket", "wastebasket"),
+        "bed": ("bedstead", "bunk bed", "double bed", "single bed"), "bench": ("park bench",),
+        "bicycle": ("bike", "push bike"), "bin": ("waste basket", "waste bin", "waste paper basket", "wastebasket"),
         "blackboard": ("black board", "chalk board", "chalkboard"),
-        "bookshelf": ("book case", "book shelf", "bookcase"),
-        "bush": ("shrub",),
-        "cabinet": ("lab cabinet", "laboratory cabinet"),
-        "car": ("automobile", "motor car"),
-        "ceiling lamp": ("ceiling light", "chandelier", "pendant lamp", "pendant light"),
-        "chair": (),
+        "bookshelf": ("book case", "book shelf", "bookcase"), "bush": ("shrub",),
+        "cabinet": ("lab cabinet", "laboratory cabinet"), "car": ("automobile", "motor car"),
+        "ceiling lamp": ("ceiling light", "chandelier", "pendant lamp", "pendant light"), "chair": (),
         "chest of drawers": ("bedroom dresser", "drawers", "dresser"),
-        "climbing frame": ("climber", "jungle gym", "monkey bar"),
-        "clock": ("wall clock",),
+        "climbing frame": ("climber", "jungle gym", "monkey bar"), "clock": ("wall clock",),
         "coat rack": ("coat stand", "coatrack", "hall stand", "hat stand"),
-        "coffee table": ("cocktail table", "tea table"),
-        "cupboard": (),
+        "coffee table": ("cocktail table", "tea table"), "cupboard": (),
         "desk": ("office desk", "office table", "school desk", "student desk", "writing desk", "writing table"),
-        "door": ("doorway",),
-        "dustbin": ("wheelie bin",),
-        "fence": ("railing",),
-        "filing cabinet": ("file cabinet",),
-        "fire extinguisher": ("extinguisher",),
-        "floor lamp": ("floor light", "standard lamp", "standing lamp"),
-        "garage door": ("garage gate", "roller door"),
-        "gas cylinder": ("gas bottle", "gas tank"),
+        "door": ("doorway",), "dustbin": ("wheelie bin",), "fence": ("railing",), "filing cabinet": ("file cabinet",),
+        "fire extinguisher": ("extinguisher",), "floor lamp": ("floor light", "standard lamp", "standing lamp"),
+        "garage door": ("garage gate", "roller door"), "gas cylinder": ("gas bottle", "gas tank"),
         "goal": ("football goal", "goal post", "goalpost", "soccer goal"),
-        "hay bale": ("bale of hay", "bale of straw", "hay stack", "haystack", "straw bale"),
-        "hedge": ("hedgerow",),
-        "house": ("building",),
-        "ladder": ("step ladder", "stepladder"),
+        "hay bale": ("bale of hay", "bale of straw", "hay stack", "haystack", "straw bale"), "hedge": ("hedgerow",),
+        "house": ("building",), "ladder": ("step ladder", "stepladder"),
         "lamp post": ("lamppost", "street lamp", "street light", "streetlamp", "streetlight"),
-        "litter bin": ("litter basket",),
-        "locker": (),
+        "litter bin": ("litter basket",), "locker": (),
         "nightstand": ("bedside cabinet", "bedside table", "night stand", "night table"),
         "notice board": ("bulletin board", "noticeboard", "pin board", "pinboard"),
-        "office chair": ("desk chair", "swivel chair"),
-        "path": ("footpath",),
-        "picture": ("painting", "poster"),
-        "plant": ("house plant", "houseplant", "pot plant", "potted plant"),
-        "radiator": ("heater",),
-        "rock": ("boulder",),
-        "rug": ("carpet",),
-        "sandpit": ("sand box", "sand pit", "sandbox"),
-        "seesaw": ("see saw", "teeter totter"),
-        "shed": ("barn", "hut"),
+        "office chair": ("desk chair", "swivel chair"), "path": ("footpath",), "picture": ("painting", "poster"),
+        "plant": ("house plant", "houseplant", "pot plant", "potted plant"), "radiator": ("heater",),
+        "rock": ("boulder",), "rug": ("carpet",), "sandpit": ("sand box", "sand pit", "sandbox"),
+        "seesaw": ("see saw", "teeter totter"), "shed": ("barn", "hut"),
         "shelf": ("shelf unit", "shelving", "shelving unit"),
         "sideboard": ("credenza", "television stand", "tv cabinet", "tv stand"),
-        "sink": ("basin", "wash basin", "washbasin"),
-        "slide": ("playground slide",),
+        "sink": ("basin", "wash basin", "washbasin"), "slide": ("playground slide",),
         "sofa": ("couch", "love seat", "loveseat", "settee", "sofa bed", "sofabed"),
-        "spring rider": ("rocking horse", "spring horse", "spring rocker"),
-        "stool": ("lab stool",),
+        "spring rider": ("rocking horse", "spring horse", "spring rocker"), "stool": ("lab stool",),
         "strip light": ("fluorescent lamp", "fluorescent light", "fluorescent tube", "neon light"),
-        "swing": ("swing set", "swingset"),
-        "table": ("dining table", "dinner table", "kitchen table"),
+        "swing": ("swing set", "swingset"), "table": ("dining table", "dinner table", "kitchen table"),
         "television": ("telly", "television set", "tv", "tv screen", "tv set"),
-        "tool wall": ("peg board", "pegboard"),
-        "traffic sign": ("road sign", "stop sign", "street sign"),
-        "tree": (),
-        "tyres": ("tire", "tyre"),
-        "wardrobe": ("armoire",),
-        "whiteboard": ("dry erase board", "white board"),
-        "window": (),
-        "workbench": ("lab bench", "laboratory bench", "lab table", "work bench"),
+        "tool wall": ("peg board", "pegboard"), "traffic sign": ("road sign", "stop sign", "street sign"), "tree": (),
+        "tyres": ("tire", "tyre"), "wardrobe": ("armoire",), "whiteboard": ("dry erase board", "white board"),
+        "window": (), "workbench": ("lab bench", "laboratory bench", "lab table", "work bench"),
     }
-)
-"""Every kind that may be in a place or not, doors and windows among them -> what else it is called, in the singular, in
-British and American English."""
+)  # fmt: skip
+"""Kind of furniture, doors and windows included -> other names, singular, in British and American English."""
 FURNITURE = (
     "armchair", "bed", "bench", "bookshelf", "cabinet", "chair", "chest of drawers", "coat rack", "coffee table",
     "cupboard", "desk", "filing cabinet", "locker", "nightstand", "office chair", "shelf", "sideboard", "sofa", "stool",
@@ -101,28 +71,28 @@ SEVERAL: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "trash can": _BINS,
     }
 )
-"""Names that several kinds go by."""
+"""Names of several kinds."""
 EMPTY = (
     r"(?<!half )(?<!non )(?<!not )(?<!semi )(?:(?:completely|entirely|totally|almost|nearly) )?"
     rf"(?:bare|empty|unfurnished)(?= (?:[a-z]+ )?{ROOM}| ?[,.;]|$)"
 )
-"""How a place, not its walls or a desk in it, is said to hold nothing but what it was built with ..."""
+"""Pattern of an empty place: nothing in it but doors, windows and the like, without :data:`LOOSE`."""
 LOOSE = (
     *(kind for kind in FURNITURE if kind != "bench"),
     *("bicycle", "bin", "car", "floor lamp", "gas cylinder", "ladder", "plant", "rug", "television", "tyres"),
 )
-"""... and what is not there then."""
+"""Kinds that an empty place is without."""
 
 
 @dataclass(frozen=True)
 class Name:
-    """What some kinds are called."""
+    """Name of one or several kinds of furniture."""
 
     pattern: str
-    """Of its singular and plural (:func:`~rfgen_sionna.generative.text_reader.compile_pattern`)."""
+    """Pattern of singular and plural (:func:`~rfgen_sionna.generative.text_reader.compile_pattern`)."""
     kinds: tuple[str, ...]
     compound: bool
-    """Whether it is several words, which may have the name of a place among them: "office chair"."""
+    """Whether it has several words, such as "office chair", which contains a place."""
 
 
 @cache
@@ -134,12 +104,12 @@ def names() -> Sequence[Name]:
 
 
 def take_compounds(reader: Reader) -> tuple[str, ...]:
-    """Take the furniture whose names are several words out of a text, before places are read: the words."""
+    """Take furniture with names of several words out of a text, before places are read; returns the words."""
     return tuple(match.group() for name in names() if name.compound for match in reader.take(name.pattern))
 
 
 def _made_of(surface: str, words: str, *finishes: str) -> tuple[str, str, tuple[str, ...]]:
-    """ "concrete walls", "walls of concrete", "walls made of bare concrete"."""
+    """Pattern of "concrete walls", "walls of concrete", "walls made of bare concrete"; surface; finishes."""
     noun, how = f"(?:{surface}s?)", f"(?:(?:bare|exposed|painted|old|polished) )?(?:{words})"
     return rf"{how} {noun}|{noun} (?:(?:made )?of|in|covered (?:with|in)) {how}", surface, finishes
 
@@ -157,5 +127,4 @@ SURFACES = (
     _made_of("ceiling", "concrete", "bare concrete"),
     _made_of("ceiling", "plaster(?:ed|board)?", "plaster"),
 )
-"""What walls, floors and ceilings may be said to be made of: pattern, which of them, and the finishes
-(:data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`) that it may mean."""
+"""(pattern, surface, :data:`~rfgen_sionna.scene.furnished.finishes.FINISHES`) of walls, floors and ceilings."""

@@ -1,4 +1,4 @@
-"""Everything that one text names, before the prompt and the negative prompt are weighed against each other."""
+"""Phrases of a prompt or of a negative prompt, by the patterns of :mod:`rfgen_sionna.generative.vocabulary`."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _OTHER = {"left": "right", "right": "left"}
 
 @dataclass
 class Phrases:
-    """What a text names, each with the words that name it."""
+    """Values in a text, each with its words."""
 
     reader: Reader
     actions: list[tuple[str, frozenset[str]]] = field(default_factory=list)
-    """(words, the actions they may mean)."""
+    """(words, possible actions)."""
     hands: list[tuple[str, str]] = field(default_factory=list)
     orientations: list[tuple[str, float]] = field(default_factory=list)
     distances: list[tuple[str, float]] = field(default_factory=list)
@@ -31,17 +31,17 @@ class Phrases:
     targets: list[str] = field(default_factory=list)
     body: BodyWords = field(default_factory=BodyWords)
     repeated: list[str] = field(default_factory=list)
-    """Words that ask for repetition."""
+    """Words for repetition."""
     ignored: list[str] = field(default_factory=list)
-    """Phrases that belong to something that was read, but that it cannot take into account."""
+    """Understood phrases without effect on the action."""
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """The phrases that have no effect."""
+        """Phrases without effect."""
         return (*self.ignored, *self.reader.rest(vocabulary.FILLERS))
 
     def names(self, part: str) -> bool:
-        """Whether any of the actions named so far has `part` in its name."""
+        """Whether an action read so far has `part` in its name."""
         return any(part in action for _, named in self.actions for action in named)
 
 
@@ -49,8 +49,8 @@ def read_wanted(text: str) -> Phrases:
     """Read a prompt.
 
     Raises:
-        PromptError: more than one person, two numbers for one value, a place behind the radar or one that is
-            unknown, or a number out of range.
+        PromptError: several persons, several numbers for one value, a number out of range, a position behind the
+            radar, or an unknown place.
     """
     text, scenes = split_keyword(text)
     said = Phrases(Reader(text), scenes=scenes)
@@ -108,7 +108,7 @@ def _refuse_misreadable(text: str) -> None:
     behind = compile_pattern(vocabulary.BEHIND).search(text)
     if behind:
         raise PromptError(
-            f"azimuth: {behind.group()!r} is where the radar sees nothing; a person stands before it, at an azimuth "
+            f"azimuth: {behind.group()!r} is out of the radar's view; a person stands in front of it, at an azimuth "
             "of -90° to 90°"
         )
 
@@ -122,7 +122,7 @@ def _distance(said: Phrases, match: re.Match[str], value: str, unit: str) -> Non
 
 
 def _bare_length(said: Phrases, match: re.Match[str]) -> None:
-    """A length with no word for what it measures: a height if it is written as heights of people are."""
+    """A length without its quantity: a height if it is written like heights of people, or a distance."""
     value, unit = (match["value"], match["unit"]) if match["value"] else (match["value2"], match["unit2"])
     metres = number(value) * vocabulary.METRES[unit[0]]
     if not 1.3 <= metres <= 2.3:
@@ -150,7 +150,7 @@ def _bearing(said: Phrases, match: re.Match[str]) -> None:
 
 
 def _read_second_halves(said: Phrases) -> None:
-    """Take what goes on with a verb said before: "raises the left arm and the right leg", "swipes left and right"."""
+    """Take phrases without their verb: "raises the left arm and the right leg", "swipes left and right"."""
     reader = said.reader
     if said.names("_raised"):
         for m in reader.take(r"(?:(?:and|then|and then) )?<a>(?P<side>left|right) (?P<limb>arm|hand|leg|foot|knee)"):
@@ -167,7 +167,7 @@ def _read_second_halves(said: Phrases) -> None:
 
 
 def read_unwanted(text: str) -> Phrases:
-    """Read a negative prompt: beside phrases, single words ("left", "arm", "clockwise") name all they occur in."""
+    """Read a negative prompt; single words ("left", "arm", "clockwise") name all actions with them."""
     text, scenes = split_keyword(text)
     said = Phrases(Reader(text), scenes=scenes)
     said.reader.understood += [(words, f"surroundings {scene}") for words, scene in scenes]
@@ -193,15 +193,13 @@ def read_unwanted(text: str) -> Phrases:
         _name_all(said, m, ["clockwise" if m.group() == "clockwise" else "counterclockwise"])
     for trait, classes, nouns in SIMPLE_NOUNS:
         said.body.take_classes(reader, nouns, trait, classes)
-    for m in reader.take(
-        vocabulary.PERSON
-    ):  # "a person" alone forbids everything
+    for m in reader.take(vocabulary.PERSON):  # "a person" alone forbids everything
         said.targets.append(m.group())
     return said
 
 
 def _both_hands(said: Phrases, words: str, named: Iterable[str]) -> bool:
-    """Whether both hands make the gesture: unless they would run into each other."""
+    """Note words for both hands; False, and without effect, if no action allows both."""
     both = any("both" in ACTIONS[action].hands for action in named)
     if both:
         said.hands.append((words, "both"))
@@ -259,7 +257,7 @@ def _read_common(said: Phrases) -> None:
         for m in reader.take(pattern):
             said.orientations.append((m.group(), angle))
             reader.note(m, f"orientation {angle:g}°")
-            if not both_ways:  # who walks towards the radar does not come back
+            if not both_ways:  # a walk towards the radar is one way
                 said.actions = [(w, frozenset({"walk_straight"}) if n == {"walk"} else n) for w, n in said.actions]
     _read_speeds(said, vocabulary.SPEED_PATTERNS)
     said.scenes += read_scenes(reader)
@@ -274,7 +272,7 @@ def _read_speeds(said: Phrases, patterns: Iterable[tuple[float, str]]) -> None:
 
 
 def _fill(template: str, groups: dict[str, str | None]) -> frozenset[str]:
-    """The actions that a template stands for; what the phrase doesn't say stays open."""
+    """Actions of a template, with the groups of a match; missing groups leave all options."""
     for name in ("side", "direction"):
         if f"{{{name}}}" in template:
             sides = [groups[name] or ""] if groups.get(name) else ["left", "right"]
@@ -285,10 +283,8 @@ def _fill(template: str, groups: dict[str, str | None]) -> frozenset[str]:
         return frozenset(template.replace("{other}", side) for side in sides)
     if "{turn}" in template:
         turn = groups.get("turn") or groups.get("turn2")
-        turns = (
-            ["clockwise", "counterclockwise"]
-            if not turn
-            else ["clockwise" if turn == "clockwise" else "counterclockwise"]
-        )
+        turns = ["clockwise", "counterclockwise"]
+        if turn:
+            turns = turns[:1] if turn == "clockwise" else turns[1:]
         return frozenset(template.replace("{turn}", t) for t in turns)
     return frozenset({template})

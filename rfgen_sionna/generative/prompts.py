@@ -1,8 +1,7 @@
-"""From a sentence or keywords to what is simulated: target, action, orientation, distance, body, surroundings.
+"""Interpretation of prompts: target, action, orientation, distance, body, surroundings.
 
-The grammar is explicit: a phrase is read by a pattern of :mod:`rfgen_sionna.generative.vocabulary` or it is
-reported as not understood. Where the words leave a choice open ("raises an arm"), the seed draws one of the
-possibilities that the negative prompt allows, and the report says so.
+A pattern of :mod:`rfgen_sionna.generative.vocabulary` reads a phrase, or the phrase is reported as not understood. The
+seed draws one of the options that the words leave open ("raises an arm") and the negative prompt allows.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ __all__ = [
 ]  # fmt: skip
 
 DEFAULT_DISTANCE = 3.0
-"""Distance from the radar where neither prompt nor caller says one [m]."""
+"""Default distance from the radar [m]."""
 DECIDED = "decided:"
 """Heading of the decisions in a report."""
 _FACING = {0.0: ", facing the radar", 90.0: ", turned left", 180.0: ", back to the radar", 270.0: ", turned right"}
@@ -39,72 +38,72 @@ _UNITS = {"gender": "", "age": " years", "height": " m", "weight": " kg", "muscl
 
 @dataclass(frozen=True)
 class SourceReading:
-    """What a motion source makes of a prompt in which the grammar finds no one action."""
+    """Interpretation of a prompt by a motion source, for prompts without a single action of the grammar."""
 
     action: str
     origin: str
-    """Who decided on it."""
+    """Origin of the action."""
     arms: str = ""
+    """Action of the arms; empty for the same one."""
     arms_origin: str = ""
+    """Origin of the action of the arms."""
     sentence: str = ""
-    """What the source is to read itself; empty where the action's name says all."""
+    """Sentence for the source; empty if the name of the action suffices."""
     avoid: str = ""
-    """The same of the negative prompt."""
+    """Negative sentence for the source."""
     read: frozenset[str] = frozenset()
-    """The phrases that the source has read and the grammar has not."""
+    """Phrases that the source understands and the grammar does not."""
     notes: tuple[str, ...] = ()
-    """What is done instead of what was asked for."""
+    """Warnings about replaced actions."""
 
 
 @dataclass(frozen=True)
 class ScenePrompt:
-    """What a prompt asks for. None stands where it leaves the choice to the simulation."""
+    """Interpreted prompt; None leaves a choice to the simulation."""
 
     text: str
     negative: str
     seed: int
     action: str
-    """Key of the registry of actions, or what a source that reads sentences calls a captured one."""
+    """Key of the registry of actions, or name of a captured action."""
     target: str = "person"
     choices: tuple[str, ...] = ()
-    """The actions that both prompts leave open; `action` is one of them, drawn from the seed."""
+    """Actions that both prompts allow; the seed draws `action` from them."""
     orientation_deg: float | None = None
-    """Angle by which the person is turned from facing the radar, counter-clockwise seen from above, so
-    towards the person's own left [degrees, 0 to 360)."""
+    """Rotation of the person from facing the radar, towards the person's left [degrees, 0 to 360)."""
     distance_m: float | None = None
     """Distance from the radar over the floor [m]."""
     bearing_deg: float | None = None
-    """Angle to the radar's boresight at which the person is, seen from above, positive to the radar's left
-    [degrees, -90 to 90]."""
+    """Azimuth of the person from the boresight, positive to the radar's left [degrees, -90 to 90]."""
     body: BodyPrompt = field(default_factory=BodyPrompt)
     hand: str | None = None
-    """"left", "right" or "both": the hand of a gesture; the seed draws it where no words say it."""
+    """Hand of a gesture: "left", "right" or "both"."""
     speed: float | None = None
     """Factor on the action's usual speed."""
     surroundings: str | None = None
     """Name of a scene, or "free space"."""
     understood: tuple[tuple[str, str], ...] = ()
-    """(phrase, what it was read as)."""
+    """(phrase, meaning)."""
     unused: tuple[str, ...] = ()
-    """Phrases that were not understood and have no effect."""
+    """Phrases without effect."""
     origins: Mapping[str, str] = field(default_factory=dict, hash=False)
-    """Where each value comes from that is not None (see :mod:`rfgen_sionna.generative.decisions`)."""
+    """Value -> origin (:mod:`rfgen_sionna.generative.decisions`)."""
     arms: str = ""
-    """What the arms do beside the action, or empty."""
+    """Action of the arms; empty for the same one."""
     sentence: str = ""
-    """What the motion source reads itself, without distances, bodies and the like; empty where `action` says all."""
+    """Sentence for the motion source, without distances, bodies and the like; empty if `action` suffices."""
     avoid: str = ""
-    """What the negative prompt says to a source that reads `sentence`."""
+    """Negative sentence for the motion source."""
     notes: tuple[str, ...] = ()
-    """Sentences about what is done instead of what was asked for."""
+    """Warnings about replaced actions."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """One sentence for each thing done instead and each phrase without effect."""
+        """`notes`, and one sentence for each phrase without effect."""
         return (*self.notes, *(f"prompt: {phrase!r} was not understood and has no effect" for phrase in self.unused))
 
     def decisions(self) -> list[Decision]:
-        """Everything that is decided before there is a body: what words say, defaults, and what the seed drew."""
+        """Decisions without a body: words, defaults and draws of the seed."""
         known = ACTIONS.get(self.action)
         action = f"{self.action}: {known.description if known else 'as captured people do it'}"
         angle, bearing = self.orientation_deg or 0.0, self.bearing_deg or 0.0
@@ -128,7 +127,7 @@ class ScenePrompt:
         return found
 
     def words(self) -> str:
-        """Several lines: the phrases, and what each was read as."""
+        """Phrases and their meanings; several lines."""
         lines = [f"prompt: {self.text}"]
         if self.negative:
             lines.append(f"negative: {self.negative}")
@@ -137,12 +136,7 @@ class ScenePrompt:
         return "\n".join(lines)
 
     def report(self, decisions: Sequence[Decision] | None = None) -> str:
-        """Several lines: what was understood and what was not, what is decided and where each value comes from.
-
-        Args:
-            decisions: what is known by now; None is :meth:`decisions`, in which a body that no words describe is
-                still open.
-        """
+        """Phrases, their meanings, and `decisions` with their origins; several lines. None takes :meth:`decisions`."""
         lines = [self.words(), *(f"  {note}" for note in self.notes)]
         lines += [f"  not understood, no effect: {phrase}" for phrase in self.unused]
         lines += [DECIDED, *tabulate(self.decisions() if decisions is None else decisions)]
@@ -150,30 +144,32 @@ class ScenePrompt:
 
 
 class UnreadActionError(PromptError):
-    """The words name no one action that the grammar knows; another reader may know it."""
+    """The grammar finds no single action; a motion source may."""
 
-    def __init__(self, what: str, advice: str) -> None:
-        super().__init__(f"{what}; {advice}")
-        self.what = what
-        """What is wrong, without what is allowed."""
+    def __init__(self, problem: str, advice: str) -> None:
+        super().__init__(f"{problem}; {advice}")
+        self.problem = problem
+        """The message without the advice."""
 
 
-def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0, spoken: SourceReading | None = None) -> ScenePrompt:
-    """Read what a prompt and a negative prompt ask for.
+def parse_prompt(
+    prompt: str, negative: str = "", *, seed: int = 0, reading: SourceReading | None = None
+) -> ScenePrompt:
+    """Interpret a prompt and a negative prompt.
 
     Args:
-        prompt: a sentence or keywords, such as "a tall man picks something up, facing left, at 2.5 m"; what follows
-            the keyword "negative:" joins the negative prompt.
-        negative: what is not wanted: it takes away choices, such as "left arm", "facing away" or "child".
-        seed: seed for what both leave open.
-        spoken: what a motion source makes of it (:func:`~rfgen_sionna.generative.sentences.read_prompt` asks one); the
-            words of the action are then its concern.
+        prompt: a sentence or keywords, such as "a tall man picks something up, facing left, at 2.5 m"; words after the
+            keyword "negative:" join the negative prompt.
+        negative: unwanted choices, such as "left arm", "facing away" or "child".
+        seed: seed of open choices.
+        reading: interpretation of the action by a motion source (:mod:`rfgen_sionna.generative.sentences`); None leaves
+            the action to the grammar.
 
     Raises:
         UnreadActionError: no known target or action, or several actions.
-        PromptError: several targets, unknown surroundings, a negation inside either prompt,
-            a number out of range, or two statements that contradict each other. The message lists what is known.
-        ValueError: a seed that is none.
+        PromptError: several targets, unknown surroundings, a negation, a number out of range, or a contradiction.
+        TypeError: a prompt is not a text.
+        ValueError: the seed is invalid.
     """
     check_seed(seed)
     for name, text in (("prompt", prompt), ("negative", negative)):
@@ -193,34 +189,33 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0, spoken: Sour
     named = ("target", "action", "orientation", "distance", "azimuth", "speed", "surroundings")
     origins = dict.fromkeys(named, PROMPT)
     if not said.targets:
-        if spoken is None and (said.unused or not said.actions):
+        if reading is None and (said.unused or not said.actions):
             raise UnreadActionError(
                 f"target: {prompt!r} names none that is known{_rest(said)}", f"known: a person, {_examples()}"
             )
         origins["target"] = DEFAULT
-    options = _one_action(said, prompt) if spoken is None else frozenset({spoken.action})
+    options = _one_action(said, prompt) if reading is None else frozenset({reading.action})
     allowed = [
         a
-        for a in (ACTIONS if spoken is None else options)
+        for a in (ACTIONS if reading is None else options)
         if a in options and not any(a in named for _, named in denied.actions)
     ]
     if not allowed:
-        asked = " and ".join(sorted(options))
-        raise PromptError(f"action: the negative prompt {negative!r} forbids {asked}, which {prompt!r} asks for")
+        raise PromptError(forbidden(negative, sorted(options), prompt))
     action = allowed[int(np.random.default_rng([seed, 10]).integers(len(allowed)))]
     if len(allowed) > 1:
         origins["action"] = drawn(seed, allowed)
     understood, unread = tuple(said.reader.understood), said.unused
-    if spoken is not None:
-        origins |= {"action": spoken.origin, "arms": spoken.arms_origin}
-        understood, unread = _credited(said, spoken)
-    # the source that reads the sentence reads of hands, too
-    by_source = spoken is not None and bool(spoken.sentence)
+    if reading is not None:
+        origins |= {"action": reading.origin, "arms": reading.arms_origin}
+        understood, unread = _credited(said, reading)
+    # a source that reads the sentence reads its hands, too
+    by_source = reading is not None and bool(reading.sentence)
     hand, origins["hand"], unused = (None, DEFAULT, ()) if by_source else _hand(said, denied, action, seed)
     periodic = by_source or ACTIONS[action].periodic
     orientation = _one("orientation", said.orientations, denied.orientations)
     if orientation is None and any(angle == 0.0 for _, angle in denied.orientations):
-        # Facing the radar is what a prompt without orientation gets, so forbidding it asks for another one.
+        # Facing the radar is the default: without it another orientation is drawn.
         others = [a for a in (90.0, 180.0, 270.0) if all(a != angle for _, angle in denied.orientations)]
         if not others:
             raise PromptError(f"orientation: the negative prompt {negative!r} leaves none")
@@ -256,54 +251,54 @@ def parse_prompt(prompt: str, negative: str = "", *, seed: int = 0, spoken: Sour
             *unread,
             *(() if periodic else said.repeated),
             *unused,
-            *(phrase for phrase in denied.unused if spoken is None or phrase not in spoken.read),
+            *(phrase for phrase in denied.unused if reading is None or phrase not in reading.read),
         ),
         origins=origins | from_words,
-        arms=spoken.arms if spoken else "",
-        sentence=spoken.sentence if spoken else "",
-        avoid=spoken.avoid if spoken else "",
-        notes=spoken.notes if spoken else (),
+        arms=reading.arms if reading else "",
+        sentence=reading.sentence if reading else "",
+        avoid=reading.avoid if reading else "",
+        notes=reading.notes if reading else (),
     )
 
 
-def _credited(said: Phrases, spoken: SourceReading) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
-    """What is understood and what is not, where a motion source has read the words of the action."""
-    performed = {spoken.action, spoken.arms}
+def _credited(said: Phrases, reading: SourceReading) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
+    """Understood and unused phrases of a prompt with an action by a motion source."""
+    performed = {reading.action, reading.arms}
     others = {words for words, named in said.actions if not named & {*performed, "standing"}}
-    meaning = f"action {spoken.action}" + (f", arms {spoken.arms}" if spoken.arms else "")
-    # a source that reads the sentence reads all of its words; by its name alone an action is no other one, too
+    meaning = f"action {reading.action}" + (f", arms {reading.arms}" if reading.arms else "")
+    # a source reads all words of its sentence; an action by name alone leaves other actions unused
     kept = [(words, m) for words, m in said.reader.understood if words not in others or not m.startswith("action ")]
-    read = [phrase for phrase in said.unused if phrase in spoken.read]
-    if spoken.sentence:
+    read = [phrase for phrase in said.unused if phrase in reading.read]
+    if reading.sentence:
         read += sorted(others)
-    lost = () if spoken.sentence else sorted(others)
-    unused = (*(phrase for phrase in said.unused if phrase not in spoken.read), *lost)
+    lost = () if reading.sentence else sorted(others)
+    unused = (*(phrase for phrase in said.unused if phrase not in reading.read), *lost)
     return (*kept, *((phrase, f"{meaning}, read by the motion model") for phrase in read)), unused
 
 
 def _refuse_negation(text: str, read: Phrases, message: str) -> None:
-    # Words of an action swallow a negation ("picks up a box without bending"), so the whole text counts; but
-    # "environment: nothing" is a place.
+    # The whole text, since phrases contain negations ("picks up a box without bending"), but not "environment: nothing".
     negation = negation_in(split_keyword(text)[0]) or negation_in(" , ".join(read.unused))
     if negation:
         raise PromptError(message.format(negation))
 
 
-def check_seed(seed: int) -> None:
-    """Whether numpy takes it.
+def forbidden(negative: str, actions: Sequence[str], prompt: str) -> str:
+    """Message about actions of a prompt that its negative prompt forbids."""
+    return f"action: the negative prompt {negative!r} forbids {' and '.join(actions)}, which {prompt!r} asks for"
 
-    Raises:
-        ValueError: it is no whole number of at least 0.
-    """
+
+def check_seed(seed: int) -> None:
+    """Raise a ValueError unless `seed` is a whole number of at least 0."""
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise ValueError(f"seed is {seed!r}: a whole number of at least 0 is needed")
 
 
 def _one_action(said: Phrases, prompt: str) -> frozenset[str]:
-    """The action of a prompt, or the actions that it leaves open."""
+    """Action of a prompt, or the actions that it leaves open."""
     named = list(said.actions)
     if any("standing" not in options for _, options in named):
-        named = [n for n in named if "standing" not in n[1]]  # everybody stands while doing something
+        named = [n for n in named if "standing" not in n[1]]  # other actions include standing
     if any("jumping_jacks" in options for _, options in named):
         named = [n for n in named if n[1] != {"jump"}]
     if not named:
@@ -320,7 +315,7 @@ def _one_action(said: Phrases, prompt: str) -> frozenset[str]:
 
 
 def _hand(said: Phrases, denied: Phrases, action: str, seed: int) -> tuple[str | None, str, tuple[str, ...]]:
-    """The hand of a gesture, where it comes from, and the words about hands that have no effect on this action."""
+    """Hand of a gesture, its origin, and words about hands without effect."""
     if not ACTIONS[action].one_handed:
         return None, DEFAULT, tuple(words for words, _ in said.hands)
     hand = _one("hand", said.hands, denied.hands)
@@ -337,7 +332,7 @@ def _hand(said: Phrases, denied: Phrases, action: str, seed: int) -> tuple[str |
 
 
 def _one(name: str, said: list[tuple[str, T]], denied: Sequence[tuple[str, T]] = ()) -> T | None:
-    """The one value that a prompt names, None where it names none."""
+    """Value of a quantity in a prompt; None without one, PromptError for several or a forbidden one."""
     if len({value for _, value in said}) > 1:
         raise PromptError(f"{name}: the prompt names several: {', '.join(repr(words) for words, _ in said)}")
     for words, value in denied:

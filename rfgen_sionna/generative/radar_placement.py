@@ -1,4 +1,4 @@
-"""Where a person stands and walks before a radar."""
+"""Positions and walks of a person in front of a radar."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
 NEAREST = 0.5
-"""How near the middle of somebody who walks may come to the radar [m]: arms swing in front of it."""
+"""Least distance of a walker's pelvis from the radar [m]: the reach of swinging arms."""
 WALKING, SHORTEST_WALK_BACK = 0.3, 0.2
-"""Speed [m/s] above which somebody walks back, and how long [s] it must last to be seen."""
+"""Lower bounds of the speed [m/s] and the duration [s] of a walk back: above swaying, below half a step."""
 
 
 def place_before_radar(
     radar: Radar | None, distance: float, bearing_deg: float = 0.0
 ) -> tuple[tuple[float, float], float]:
-    """Place (x, y) [m] at `distance` [m] from the radar over the floor, and the yaw [rad] that faces it from there.
+    """Position (x, y) [m] at a distance from the radar over the floor, and the yaw [rad] that faces the radar.
 
     Args:
-        radar: None is a radar at the origin looking along +x.
-        distance: [m].
-        bearing_deg: angle to the level part of the boresight, positive to the radar's left [degrees].
+        radar: the radar; None is one at the origin with its boresight along +x.
+        distance: horizontal distance [m].
+        bearing_deg: azimuth from the boresight, positive to the radar's left [degrees].
 
     Raises:
-        ValueError: the radar looks straight up or down.
+        ValueError: the boresight is vertical.
     """
     ahead, at = np.array([1.0, 0.0]), np.zeros(2)
     if radar is not None:
         boresight = np.asarray(radar.rotation)[:, 0]
         level = float(np.hypot(boresight[0], boresight[1]))
         if level < 1e-6:
-            raise ValueError("radar: it looks straight up or down, so there is no place before it; give `position`")
+            raise ValueError("radar: its boresight is vertical, so no direction is in front of it; give `position`")
         ahead, at = boresight[:2] / level, np.asarray(radar.position)[:2]
     c, s = np.cos(np.radians(bearing_deg)), np.sin(np.radians(bearing_deg))
     ahead = np.array([c * ahead[0] - s * ahead[1], s * ahead[0] + c * ahead[1]])
@@ -46,16 +46,16 @@ def place_before_radar(
 
 
 def check_walk_path(motion: Motion, place: tuple[float, float], yaw: float, radar: Radar | None) -> Decision:
-    """Whether somebody who walks straight ahead keeps clear of the radar; says the way.
+    """Check that a straight walk stays clear of the radar, and describe its path.
 
     Args:
-        motion: along +x, its middle at the origin.
-        place: where that is in the world [m].
-        yaw: and how it is turned [rad].
-        radar: None is a radar at the origin.
+        motion: walk along +x, its middle at the origin.
+        place: world position (x, y) of the origin [m].
+        yaw: rotation of the walk [rad].
+        radar: the radar; None is one at the origin.
 
     Raises:
-        ValueError: with the time and the distance that fit.
+        ValueError: the walk comes too near; the message has a duration and a distance that fit.
     """
     at = np.zeros(2) if radar is None else np.asarray(radar.position)[:2]
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
@@ -80,7 +80,7 @@ def check_walk_path(motion: Motion, place: tuple[float, float], yaw: float, rada
 
 
 def walk_back(motion: Motion) -> tuple[Decision, bool]:
-    """The stretch somebody walks back and forth, and whether the way back is seen within the motion's duration."""
+    """Path of a walk back and forth, and whether the walk back begins within the motion's duration."""
     x: FloatArray = np.asarray(motion.translation)[:, 0]
     back = np.count_nonzero(np.gradient(x) * motion.frame_rate < -WALKING) / motion.frame_rate >= SHORTEST_WALK_BACK
     value = f"{np.ptp(x):.1f} m forth and back" if back else f"{np.ptp(x):.1f} m forth, not back"

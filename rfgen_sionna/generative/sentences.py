@@ -1,8 +1,7 @@
-"""Prompts whose action the grammar does not know: the motion source reads them, where it reads sentences.
+"""Prompts with actions beyond the grammar, interpreted by a motion source that reads sentences.
 
-The grammar names twenty actions, one at a time, and says exactly what it reads. A learned source knows more: captured
-actions, arms that do something while the legs walk, wordings of its own. Body, place, orientation, speed and
-surroundings are the grammar's in any case.
+The grammar has twenty actions, one at a time. A learned source adds captured actions, arm actions during a walk, and
+other wordings. The grammar reads body, position, orientation, speed and surroundings in any case.
 """
 
 from __future__ import annotations
@@ -18,30 +17,30 @@ from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSourc
 from rfgen_sionna.generative.motion.actions import with_hand
 from rfgen_sionna.generative.motion.motion_source import PromptReading
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
-from rfgen_sionna.generative.prompts import ScenePrompt, SourceReading, UnreadActionError, parse_prompt
+from rfgen_sionna.generative.prompts import ScenePrompt, SourceReading, UnreadActionError, forbidden, parse_prompt
 from rfgen_sionna.generative.text_reader import AFTERWARDS, normalise, split_negative
 
 NEAREST = "the nearest that is known"
-"""Origin of an action that the words do not name."""
+"""Origin of a replacement of an unknown action."""
 _SURE = 0.8
-"""Probability from which a captured action is taken for one of the grammar's that the words name as well."""
+"""Least probability of a captured action that replaces an action of the grammar."""
 _PLAUSIBLE = 0.5
-"""Probability from which the nearest action may be a captured one, of which the source knows few wordings."""
+"""Least probability of a captured action as the nearest one: it has few wordings."""
 _KEPT = ("action ", "target ", "left hand", "right hand", "both hands", "walks that way")
-"""How meanings of phrases begin that a motion source should hear of."""
-_TIGHTER = "motion 'diffusion' also knows captured actions, and arms that do something while somebody walks or jumps"
+"""Beginnings of the meanings of phrases that stay in the sentence for a motion source."""
+_ADVICE = "motion 'diffusion' also has captured actions, and arm actions during walks and jumps"
 
 
 def motion_source(name: str) -> MotionSource:
-    """The origin of motion that a name stands for.
+    """Motion source of a name.
 
     Args:
-        name: "kinematic", "diffusion", or "auto": the learned model where its packages are installed.
+        name: "kinematic", "diffusion", or "auto", the learned model if its packages are installed.
 
     Raises:
         ValueError: unknown name.
-        ImportError: the learned model's packages are missing.
-        FileNotFoundError: its weights are.
+        ImportError: packages of the learned model are missing.
+        FileNotFoundError: its weights are missing.
     """
     if name == "auto":
         from rfgen_sionna.generative.environment_setup import missing_packages
@@ -65,41 +64,42 @@ def motion_source(name: str) -> MotionSource:
 def read_prompt(
     prompt: str, negative: str = "", *, seed: int = 0, source: MotionSource | str = "kinematic"
 ) -> ScenePrompt:
-    """Read a prompt by the grammar and, where it finds no one action or not all words, by the motion source.
+    """Interpret a prompt by the grammar, and by the motion source if the grammar leaves the action or words open.
 
     Args:
         prompt, negative, seed: as for :func:`~rfgen_sionna.generative.prompts.parse_prompt`.
-        source: where the motion will come from, or its name for :func:`motion_source`, which is then loaded only
-            where the grammar needs it.
+        source: motion source, or its name for :func:`motion_source`, which loads it if needed.
 
     Raises:
-        PromptError: the prompt cannot be carried out by this source.
-        ValueError: a seed or a name that is none.
-        ImportError, FileNotFoundError: the learned model is needed and cannot be had.
+        PromptError: the source cannot carry out the prompt.
+        ValueError: the seed or the name is invalid.
+        ImportError, FileNotFoundError: the learned model is needed and missing.
     """
     try:
         said = parse_prompt(prompt, negative, seed=seed)
     except UnreadActionError as error:
         source = motion_source(source) if isinstance(source, str) else source
         if not isinstance(source, SentenceSource):
-            raise PromptError(f"{error}; {_TIGHTER}") from None
-        words = _Words(prompt, negative)
-        spoken = (words.heard(source, seed) or words.nearest(source, error)) if words.may_be_a_person(source) else None
-        if spoken is None:
+            raise PromptError(f"{error}; {_ADVICE}") from None
+        sentence = _Sentence(prompt, negative)
+        reading = None
+        if sentence.may_be_a_person(source):
+            reading = sentence.read_by(source, seed) or sentence.nearest(source, error)
+        if reading is None:
             raise
-        return parse_prompt(prompt, negative, seed=seed, spoken=spoken)
+        return parse_prompt(prompt, negative, seed=seed, reading=reading)
     if said.unused:
         source = motion_source(source) if isinstance(source, str) else source
-        words = _Words(prompt, negative)
-        if words.said.unused and isinstance(source, SentenceSource):
-            spoken = words.heard(source, seed, instead_of=said.action)
-            if spoken is not None:
-                return parse_prompt(prompt, negative, seed=seed, spoken=spoken)
+        sentence = _Sentence(prompt, negative)
+        if sentence.said.unused and isinstance(source, SentenceSource):
+            reading = sentence.read_by(source, seed, instead_of=said.action)
+            if reading is not None:
+                return parse_prompt(prompt, negative, seed=seed, reading=reading)
     return said
 
 
-class _Words:
-    """A prompt between the grammar and a motion source."""
+class _Sentence:
+    """A prompt for a motion source, with the phrases of the grammar."""
 
     def __init__(self, prompt: str, negative: str) -> None:
         wanted, unwanted = split_negative(prompt)
@@ -107,64 +107,61 @@ class _Words:
         self.negative = ", ".join(part for part in (negative, unwanted) if part)
         self.said, self.denied = read_wanted(wanted), read_unwanted(self.negative)
         self.forbidden = frozenset().union(*(named for _, named in self.denied.actions))
-        self.sentence = _of_the_motion(wanted, self.said)
+        self.sentence = _motion_sentence(wanted, self.said)
 
-    def heard(self, source: SentenceSource, seed: int, instead_of: str = "") -> SourceReading | None:
-        """What the source reads beyond the grammar; None where it does not know the words.
+    def read_by(self, source: SentenceSource, seed: int, instead_of: str = "") -> SourceReading | None:
+        """Interpretation by the source; None if it does not understand the words or the grammar does as well.
 
         Args:
-            source: reads them.
-            seed: draws what the arms do, where the words leave it open.
-            instead_of: the action that the grammar has read, where it has left other words unread.
+            source: the source.
+            seed: seed of open choices of the arms.
+            instead_of: action by the grammar of a prompt with unused words.
 
         Raises:
-            PromptError: the negative prompt forbids what the words ask for.
+            PromptError: the negative prompt forbids the action.
         """
         read = source.read(self.sentence)
-        if instead_of and not (read.known and set(self.said.unused) == self._known_to(read)):
+        if instead_of and not (read.known and set(self.said.unused) == self._understood(read)):
             return None
-        apart = self._apart(source, read, instead_of, seed)
-        if apart is not None:
-            return apart
+        combined = self._combined(source, read, instead_of, seed)
+        if combined is not None:
+            return combined
         several = len(self.said.actions) > 1 and not instead_of
         if not read.known or (read.action in ACTIONS and (instead_of or several)):
             return None
         if (instead_of or several) and read.share < _SURE:
             return None
-        if read.action in ACTIONS:  # in words that the grammar does not know
-            return (
-                None if read.action in self.forbidden else SourceReading(read.action, PROMPT, read=self._known_to(read))
-            )
-        avoid, avoided, heard = self._unwanted(source)
+        understood = self._understood(read)
+        if read.action in ACTIONS:  # in words beyond the grammar
+            return None if read.action in self.forbidden else SourceReading(read.action, PROMPT, read=understood)
+        avoid, avoided, more = self._unwanted(source)
         if avoided == read.action:
-            raise PromptError(
-                f"action: the negative prompt {self.negative!r} forbids {read.action}, which {self.prompt!r} asks for"
-            )
-        return SourceReading(
-            read.action, PROMPT, sentence=self.sentence, avoid=avoid, read=self._known_to(read) | heard
-        )
+            raise PromptError(forbidden(self.negative, [read.action], self.prompt))
+        return SourceReading(read.action, PROMPT, sentence=self.sentence, avoid=avoid, read=understood | more)
 
     def nearest(self, source: SentenceSource, error: UnreadActionError) -> SourceReading | None:
-        """The nearest action, with a warning; None where the negative prompt forbids all."""
+        """Nearest action, with a warning; None if the negative prompt forbids all."""
         read = source.read(self.sentence)
         captured = read.action not in ACTIONS and read.share >= _PLAUSIBLE and not self.said.actions
         near = (a for a in (read.action, *read.ranking) if a in ACTIONS and a not in self.forbidden)
         action = read.action if captured else next(near, None)
         if action is None:
             return None
-        note = f"{error.what}; taken for the nearest action that is known, {action!r}, and no other one"
+        note = f"{error.problem}; taken for the nearest action that is known, {action!r}, and no other one"
         if not captured:
             return SourceReading(action, NEAREST, notes=(note,))
-        return SourceReading(action, NEAREST, sentence=self.sentence, read=self._known_to(read), notes=(note,))
+        return SourceReading(action, NEAREST, sentence=self.sentence, read=self._understood(read), notes=(note,))
 
     def may_be_a_person(self, source: SentenceSource) -> bool:
-        """Whether any words may be those of an action, and nothing but a person is named: no dog becomes one."""
+        """Whether the words may be an action, of a person and not of a dog."""
         if not self.said.actions and not self.said.unused:
             return False
-        return bool(self.said.targets) or set(self.said.unused) == self._known_to(source.read(self.sentence))
+        return bool(self.said.targets) or set(self.said.unused) == self._understood(source.read(self.sentence))
 
-    def _apart(self, source: SentenceSource, read: PromptReading, instead_of: str, seed: int) -> SourceReading | None:
-        """Legs that walk, run or jump under arms that do something else."""
+    def _combined(
+        self, source: SentenceSource, read: PromptReading, instead_of: str, seed: int
+    ) -> SourceReading | None:
+        """Interpretation as separate actions of legs and arms; None otherwise."""
         if AFTERWARDS.search(self.prompt.lower()):
             return None
         legs: list[str] = []
@@ -185,14 +182,11 @@ class _Words:
         options = options or [read.arms]
         allowed = [a for a in options if a not in self.forbidden]
         if not allowed or action in self.forbidden:
-            asked = " and ".join(options if not allowed else [action])
-            raise PromptError(
-                f"action: the negative prompt {self.negative!r} forbids {asked}, which {self.prompt!r} asks for"
-            )
+            raise PromptError(forbidden(self.negative, [action] if allowed else options, self.prompt))
         arms = allowed[int(np.random.default_rng([seed, 10]).integers(len(allowed)))]
-        avoid, _, heard = self._unwanted(source)
+        avoid, _, more = self._unwanted(source)
         sentence = self.sentence
-        if arms != read.arms and action in ACTIONS:  # where words leave it open the source is told what was drawn
+        if arms != read.arms and action in ACTIONS:  # a sentence with the drawn arms
             sentence = f"a person {ACTIONS[action].description} while this person {ACTIONS[arms].description}"
             hands = {hand for _, hand in self.said.hands} & set(ACTIONS[arms].hands)
             if len(hands) == 1:
@@ -204,16 +198,15 @@ class _Words:
             arms_origin=drawn(seed, allowed) if len(allowed) > 1 else PROMPT,
             sentence=sentence,
             avoid=avoid,
-            read=self._known_to(read) | heard,
+            read=self._understood(read) | more,
         )
 
-    def _known_to(self, read: PromptReading) -> frozenset[str]:
-        """The phrases that the grammar has not read and the source has."""
+    def _understood(self, read: PromptReading) -> frozenset[str]:
+        """Phrases that the source understands and the grammar does not."""
         return frozenset(p for p in self.said.unused if not set(p.split()) & set(read.unknown))
 
     def _unwanted(self, source: SentenceSource) -> tuple[str, str, frozenset[str]]:
-        """What the negative prompt says of the motion, the action that the source takes its words for where the grammar
-        does not know them, and these words."""
+        """Negative sentence for the source, action in its words beyond the grammar, and these words."""
         about = ", ".join(words for words, _ in self.denied.actions)
         unread = self.denied.unused
         read = source.read(", ".join(unread)) if unread else None
@@ -222,8 +215,8 @@ class _Words:
         return ", ".join(filter(None, (about, *unread))), read.action, frozenset(unread)
 
 
-def _of_the_motion(wanted: str, said: Phrases) -> str:
-    """The prompt without the words for body, place, orientation, speed and surroundings."""
+def _motion_sentence(wanted: str, said: Phrases) -> str:
+    """Prompt without the words for body, position, orientation, speed and surroundings."""
     others = [words for words, meaning in said.reader.understood if not meaning.startswith(_KEPT)]
     if not others:
         return wanted

@@ -1,8 +1,7 @@
-"""Reading phrases out of plain text: normalisation, numbers, patterns over inflected words.
+"""Phrases of plain text: normalisation, numbers, negations, patterns over inflected words.
 
-Patterns are regular expressions with three abbreviations: `<verb>` stands for every inflection of a verb
-(`<swing|swung>` adds irregular forms), `<a>` for an optional article or possessive with its space, `<n>` for a
-number in digits or words.
+Patterns are regular expressions with three abbreviations: `<verb>` for every inflection of a verb (`<swing|swung>` adds
+irregular forms), `<a>` for an optional article or possessive with its space, `<n>` for a number in digits or words.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ _VALUE_KEY = re.compile(
     r"""["']?\b(orientation|facing|distance|range|azimuth|bearing|height|weight|age|hand)\b["']?\s*[:=]\s*"""
 )
 AFTERWARDS = re.compile(r"\b(?:then|afterwards|after|before \w+ing|finally|followed by)\b")
-"""What tells of one action after another, which no source makes of a sentence."""
+"""Words for a sequence of actions, which no source can perform."""
 _NEGATIVE_KEY = re.compile(r"""["']?\bnegative(?:[ _]prompt)?\b["']?\s*[:=]\s*""", re.IGNORECASE)
 _ANY_KEY = re.compile(r"""["']?\b[a-z]+(?:[ _]prompt)?\b["']?\s*[:=]|[;\n}]""", re.IGNORECASE)
 _EXPONENT = re.compile(r"(?<![\w.])(\d{1,9}(?:\.\d+)?)e([+-]?\d{1,2})(?!\d|\.\d)")
@@ -58,11 +57,11 @@ _NO_NEGATION = (
     r"|(?:room|office|lab|laboratory|garage|corridor|street|field|study) used to (?!be\b|have\b|hold\b)[a-z]+"
     r"|(?:room|office|lab|laboratory|garage|street|number) no (?:, )?\d+|minus(?= <n>)"
 )
-"""Names and numbers that such words are part of: a bus stop, a never-ending corridor, minus 30 degrees."""
+"""Names and numbers with such words: a bus stop, a never-ending corridor, minus 30 degrees."""
 
 
 def number(text: str) -> float:
-    """The value of a number in digits or words: "2.5", "two and a half", "twenty five", "half a", "minus 30"."""
+    """Value of a number in digits or words: "2.5", "two and a half", "twenty five", "half a", "minus 30"."""
     words = [word for word in text.split() if word not in ("and", "a", "an")]
     sign = -1.0 if words[0] == "minus" else 1.0
     return sign * sum(_NUMBER_WORDS[w] if w in _NUMBER_WORDS else float(w) for w in words if w != "minus")
@@ -88,7 +87,7 @@ def compile_pattern(pattern: str) -> re.Pattern[str]:
 
 
 def inflected(noun: str) -> str:
-    """A pattern of a noun's singular and plural: "shelves", "chests of drawers"."""
+    """Pattern of a noun's singular and plural: "shelves", "chests of drawers"."""
     head, of, rest = noun.partition(" of ")
     if head.endswith("f"):
         head = f"{head.removesuffix('f')}(?:f|ve)"
@@ -107,9 +106,9 @@ def _expand(match: re.Match[str]) -> str:
 
 
 def split_negative(text: str) -> tuple[str, str]:
-    """Take "negative: left arm, facing away" out of a prompt: the rest, and what it does not want.
+    """Prompt without "negative: left arm, facing away", and these words.
 
-    What is not wanted goes on to the next keyword, the next ";", the next line or the end.
+    They end at the next keyword, the next ";", the end of the line or of the text.
     """
     unwanted = []
     while match := _NEGATIVE_KEY.search(text):
@@ -121,9 +120,9 @@ def split_negative(text: str) -> tuple[str, str]:
 
 
 def normalise(text: str) -> str:
-    """Lower case, one kind of separator (","), units apart from their numbers, no hyphens or apostrophes.
+    """Text in lower case with "," as the only separator, spaces before units, no hyphens or apostrophes.
 
-    Keywords begin a phrase: "action: push" becomes ", push", "distance: 2 m" ", distance 2 m".
+    Keywords begin a phrase: "action: push" becomes ", push", "distance: 2 m" becomes ", distance 2 m".
     """
     text = unicodedata.normalize("NFKC", text).lower()
     text = _PLAIN_KEY.sub(" , ", _VALUE_KEY.sub(r" , \1 ", text))
@@ -143,18 +142,18 @@ def normalise(text: str) -> str:
 
 
 class Reader:
-    """A text from which phrases are taken one after another; what is left has not been understood."""
+    """Text from which phrases are taken one after another; the rest is not understood."""
 
     def __init__(self, text: str) -> None:
         self.text = self.said = normalise(text)
         self.understood: list[tuple[str, str]] = []
 
     def take(self, pattern: str, meaning: str | None = None) -> list[re.Match[str]]:
-        """Take every match of `pattern`; later calls no longer see those words.
+        """Take every match of `pattern`, so that later calls skip it.
 
         Args:
             pattern: pattern with the abbreviations of this module.
-            meaning: what the phrase says, for the report; None where the caller reports with :meth:`note`.
+            meaning: meaning of the phrase for the report; None leaves it to :meth:`note`.
         """
         matches = list(compile_pattern(pattern).finditer(self.text))
         for match in matches:
@@ -164,15 +163,15 @@ class Reader:
         return matches
 
     def erase(self, start: int, end: int) -> None:
-        """Take a stretch of the text, such as a group of a match."""
+        """Take the characters from `start` to `end`, such as a group of a match."""
         self.text = self.text[:start] + _TAKEN * (end - start) + self.text[end:]
 
     def note(self, match: re.Match[str], meaning: str) -> None:
-        """Record what a phrase taken without a meaning was understood as."""
+        """Record the meaning of a phrase for the report."""
         self.understood.append((match.group(), meaning))
 
     def rest(self, fillers: Iterable[str]) -> tuple[str, ...]:
-        """The phrases nothing has taken, split at words that carry no choice of their own."""
+        """Phrases that are not taken, split at `fillers`, words without meaning of their own."""
         fillers = frozenset(fillers)
         phrases: list[list[str]] = [[]]
         for word in self.text.replace(",", " , ").split():
@@ -184,11 +183,7 @@ class Reader:
 
 
 def negation_in(text: str) -> str | None:
-    """The first word of a text that negates something, in lower case; None where none does.
-
-    Args:
-        text: a sentence, keywords, or what :func:`~rfgen_sionna.generative.text_reader.normalise` has made of them.
-    """
+    """First negating word of a text, in lower case; None without one."""
     reader = Reader(text)
     reader.take(_NO_NEGATION)
     found = compile_pattern(_NEGATION).search(reader.text)

@@ -1,6 +1,6 @@
-"""How actions, orientations, distances, bodies and scenes are said, as patterns of :mod:`.reading`.
+"""Patterns of :mod:`.text_reader` for actions, orientations, distances, bodies and scenes.
 
-The order of a table matters: what one pattern has read, later ones no longer see.
+The order of a table matters: later patterns skip words that earlier ones have read.
 """
 
 # A table of patterns reads best with one phrase to a line.
@@ -21,7 +21,7 @@ _UP = r"(?:up(?: high)?|high|upwards?|overhead|aloft|raised|lifted|in the air|in
 _HELD = r"(?:<hold|held>|<put>|<stretch>|<keep|kept>|<throw|threw>)"
 _RAISE = r"(?:<raise>|<lift>)"
 _RAISES = r"(?:raises?|raising|lifts?|lifting)(?! (?:up )?(?:an?|the|his|her|their|its|my|your|one|both|two|left|right|arms?|hands?|legs?)\b)"
-"""As a noun, "a left arm raise": nothing that is raised follows."""
+"""Noun, as in "a left arm raise", without an object."""
 _LEFT_AND_RIGHT = (
     rf"<a>(?:left (?:{_ARM} )?and (?:also )?<a>right|right (?:{_ARM} )?and (?:also )?<a>left) (?:arms?|hands?)"
 )
@@ -102,12 +102,12 @@ ACTION_PATTERNS: tuple[tuple[str, str], ...] = (
     ("walk", rf"{_WALK}(?! backwards?\b)"),
     ("jump", r"(?:<jump>|<hop>|<leap|leapt>)(?! ?rop)"
              r"(?: (?:up and down|up|in place|on the spot|(?:high )?(?:in|into) the air|high))*"),
-    # Weakest last: everybody stands while doing something else.
+    # Last, since other actions include standing.
     ("standing", r"(?:<stand|stood>|<stay>|<remain>|<keep|kept>|<wait>)(?! up)"
                  r"(?: (?:still|upright|motionless|straight|idle|there|quietly|calmly))*|still|motionless|idle|idling"),
 )  # fmt: skip
-"""(action, pattern). `{side}`, `{other}` (the other side), `{direction}` and `{turn}` are filled from the groups of
-the match; where the phrase doesn't say them, both possibilities stay open."""
+"""(action, pattern). Groups of the match fill `{side}`, `{other}` (the other side), `{direction}` and `{turn}`; missing
+groups leave both options open."""
 
 ORIENTATION_PATTERNS: tuple[tuple[float, str], ...] = (
     (180.0, rf"(?:<face>|<look>|turned|oriented|orientation|moving)(?: directly)? (?:away(?: from {_RADAR})?|backwards?)"),
@@ -129,12 +129,12 @@ TURN_PATTERN = (
 ORIENTATION_NUMBER = r"orientation(?: angle)?(?: of)? (?P<angle><n>)(?! degrees)(?: (?:to the )?(?P<side>left|right))?"
 
 WAYS = {"to": 0.0, "away": 180.0, "left": 90.0, "right": 270.0}
-"""Group of a pattern of walking one way -> where the person faces, which is where it goes [degrees]."""
+"""Group of a pattern of walking one way -> orientation of the person [degrees]."""
 WAY_PATTERNS: tuple[tuple[float, str], ...] = (
     (180.0, rf"(?:directly |straight )?away from {_RADAR}"),
     (0.0, rf"(?:directly |straight )?towards? {_RADAR}"),
 )
-"""The way that somebody walks or faces, said anywhere in the sentence."""
+"""(angle [degrees], pattern) of a walking direction anywhere in the sentence."""
 
 _BORESIGHT = r"(?:<a>(?:radar )?(?:boresight|cent(?:re|er) ?line|(?:optical )?axis)|straight ahead)"
 
@@ -147,7 +147,7 @@ BEARING_PATTERNS: tuple[str, ...] = (
     rf"(?:at )?<a>(?:angle of )?{_ABOUT}(?P<angle><n>) degrees? (?:off|from|away from) {_BORESIGHT}{_SIDE_OF}?",
     rf"(?:at )?{_ABOUT}(?P<angle><n>) degrees? (?:(?:to|on) (?:the |its )?)?(?P<side>left|right) of (?:{_BORESIGHT}|{_RADAR})",
 )
-"""Where the person is, seen from the radar: an angle to its boresight, positive to its left as in Sionna's frame."""
+"""Azimuth of the person from the boresight, positive to the radar's left."""
 _LENGTH = rf"{_ABOUT}(?P<value><n>) {_METRES}"
 DISTANCE_PATTERNS: tuple[str, ...] = (
     rf"(?:at |from )?<a>(?:distance|range) (?:of )?{_LENGTH}(?: (?:away )?(?:from|to|of) {_RADAR})?",
@@ -155,12 +155,12 @@ DISTANCE_PATTERNS: tuple[str, ...] = (
     rf"at {_LENGTH}(?! (?:tall|high|per))",
     r"distance (?P<value><n>)(?= ,|$)",
 )
-"""Where no unit follows a keyword ("distance: 2"), it is metres."""
+"""A keyword without a unit ("distance: 2") is in metres."""
 BARE_LENGTH = (
     rf"(?:(?<=, )|^){_LENGTH}(?= ,|$)|(?:(?<=man )|(?<=male )|(?<=person )|(?<=adult )|(?<=~ ))(?:of )?"
     rf"{_LENGTH.replace('<value>', '<value2>').replace('<unit>', '<unit2>')}(?= (?:,|and|~)|$)"
 )
-"""A length with no word for what it measures: a distance, or a height beside a person."""
+"""A length without its quantity: a distance, or a height after a person."""
 _UNIT = r"(?:m|met(?:re|er)s?|cm|centimet(?:re|er)s?|feet|foot|ft)"
 SEVERAL_NUMBERS = (
     rf"(?:between )?<n> (?:to|or|till|until|through) <n> (?:{_UNIT}|degrees?|kg|kilos?|kilograms?|lbs?|pounds?|years?)"
@@ -171,7 +171,7 @@ SEVERAL_NUMBERS = (
 UNREAD_DISTANCE = (
     rf"(?:at|distance|range)(?: of)? (?:minus )?[\w.]*\d[\w.]*(?: [a-z]{{1,2}}\d*)? {_UNIT}(?! (?:tall|high|per))"
 )
-"""A distance whose number is not one."""
+"""A distance with an invalid number."""
 PERSON = (
     r"(?:persons?|people|humans?(?: beings?)?|someone|somebody|individuals?|subjects?|pedestrians?|m[ae]n|wom[ae]n|guys?|lad(?:y|ies)"
     r"|gentlem[ae]n|adults?|child(?:ren)?|kids?|boys?|girls?|teen(?:ager)?s?|seniors?|elders?|males?|females?|he|she)"
@@ -204,8 +204,7 @@ PACE_PATTERNS: tuple[tuple[float, str], ...] = (
     (1.3, r"(?:at|with|in) <a>(?:fast|quick|brisk|rapid|swift|high) (?:speed|pace)"),
     (1.0, r"(?:(?:at|with|in) )?<a>(?:normal|usual|ordinary|medium) (?:speed|pace)"),
 )
-"""The same as a noun, to be read before the verb that "pace" is as well."""
-"""(factor on the usual speed, pattern)."""
+"""(factor on the usual speed, pattern) of nouns, read before the verb "pace"."""
 
 PLURAL = (
     r"(?:persons|people|humans|individuals|subjects|pedestrians|men|women|guys|ladies|gentlemen|adults|children|kids|boys|girls"
@@ -230,9 +229,9 @@ SCENE_PATTERNS: dict[str, str] = {
     "munich": r"munich|münchen",
     "san_francisco": r"san francisco",
 }
-"""Name of a scene -> how it is said."""
+"""Name of a scene -> pattern."""
 COMMON_SCENE_WORDS = frozenset(SCENE_PATTERNS) - {"living_room", "etoile", "florence", "munich", "san_francisco"}
-"""Scenes whose names are common words as well."""
+"""Scenes named by common words."""
 IN_VIEW = rf"in front of {_RADAR}"
 SCENE_PREFIX = r"(?:in|inside|within|at|on|through|across|along|down|or)"
 HOW = (
@@ -240,12 +239,12 @@ HOW = (
     r"|furnished|unfurnished|cosy|cozy|modern|new|old|clean|tidy|messy|cluttered|crowded|busy|quiet|dark|bright|sunny|shared|private"
     r"|public|open plan|home|school|university|hospital|suburban|grassy|green|flat|never ending)"
 )
-"""What is said of a place without making it another one: "in a small office"."""
+"""Adjectives of a place without effect: "in a small office"."""
 ROOM = (
     r"(?:[a-z]*rooms?|corridor|field|flat|garage|hall|hallway|kitchen|lab|laboratory|lounge|meadow|office|passage|place"
     r"|playground|road|space|street|study|workshop)"
 )
-"""Last words of the names of places."""
+"""Last word of a place's name."""
 FREE_SPACE = r"(?:(?:in|inside) <a>)?(?:free space|empty space|vacuum|anechoic (?:chamber|room))"
 NO_SCENE = rf"{FREE_SPACE}|nothing|none|no (?:environment|surroundings|scene)"
 UNKNOWN_PLACE = (
@@ -258,16 +257,16 @@ UNKNOWN_PLACE = (
     r"|train|bus|car|cabin|aircraft|plane|ship|boat|elevator|lift|staircase|stairs|stage|wardrobe|cave)"
     r"|indoors|outdoors|outside"
 )
-"""How places are said that are no scene of ours, so that they are refused and not replaced by free space."""
+"""Places without a scene, which are refused."""
 
 BOTH_HANDS = r"(?:both|two) (?:of )?<a>(?:arms|hands|(?:index )?fingers)|hands|arms"
 BEHIND = rf"(?:<n> {_UNIT} )?behind {_RADAR}"
-"""Where nothing is seen."""
+"""Behind the radar, out of its view."""
 PLACE_LIKE = (
     r"(?:in|inside|within) (?:an?|the|his|her|their|my|your|our|some) "
     r"(?P<place>[a-z~]+(?: (?!(?:with|while|who|which|that|and|or|then|at|in|on|to|from|for|facing|by|near|of|a|an|the)\b)[a-z~]+){0,4})"
 )
-"""What stands where a place is said."""
+"""Words in the position of a place."""
 NO_PLACES = frozenset({
     "manner", "way", "ways", "fashion", "style", "hurry", "rush", "air", "place", "pose", "position", "posture",
     "stance", "shape", "row", "loop", "circle", "circles", "line", "direction", "rhythm", "mood", "motion",
@@ -282,13 +281,13 @@ NO_PLACES = frozenset({
     "angle", "zone", "area", "scene", "picture", "thirties", "forties", "fifties",
     "sixties", "seventies", "eighties", "twenties", "teens",
 })  # fmt: skip
-"""Nouns that follow "in a" and name no surroundings: "in a repetitive manner", "in a red coat"."""
+"""Nouns after "in a" that are no surroundings: "in a repetitive manner", "in a red coat"."""
 REPEATED = (
     r"(?:in|with) <a>(?:repetitive|repeated|repeating|periodic|cyclic) (?:manner|way|fashion|motion|movement|pattern)"
     r"|repeatedly|repetitively|periodically|again and again|over and over(?: again)?|several times|many times"
     r"|multiple times|a few times|continuously|in a loop"
 )
-"""Words that ask for repetition, which gestures, steps and jumps have in any case, and held poses never."""
+"""Words for repetition, a property of gestures, steps and jumps."""
 
 FILLERS = frozenset({
     "a", "an", "the", "of", "is", "are", "be", "being", "been", "and", "or", "with", "while", "who", "whose",
@@ -298,4 +297,4 @@ FILLERS = frozenset({
     "has", "have", "gesture", "motion", "movement", "pose", "posture", "position", "only", "exercise",
     "exercises", "times", "time", "degrees", "orientation",
 })  # fmt: skip
-"""Words that carry no choice of their own."""
+"""Words without meaning of their own."""

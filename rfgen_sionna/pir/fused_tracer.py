@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.pir.fusion import MAX_GAIN_DB, Refinement, image, mix_paths, occlude_traced
+from rfgen_sionna.pir.fusion import Refinement, image, mix_paths, occlude_traced
 from rfgen_sionna.pir.image_surroundings import ImageSurroundings
 from rfgen_sionna.records import Pir, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
@@ -52,8 +52,6 @@ class FusedTracer:
         Seed of the random phases.
     refiner
         Correction of the images of actors and surroundings; None omits it.
-    most_gain_db
-        Largest change of traced energy by the refiner [dB].
 
     Raises
     ------
@@ -62,20 +60,13 @@ class FusedTracer:
         receives.
     """
 
-    def __init__(
-        self,
-        tracer: Tracer,
-        environment: Pir,
-        seed: int,
-        refiner: Refiner | None = None,
-        most_gain_db: float = MAX_GAIN_DB,
-    ) -> None:
+    def __init__(self, tracer: Tracer, environment: Pir, seed: int, refiner: Refiner | None = None) -> None:
         if tracer.surfaces.static:
             names = ", ".join(repr(surface.name) for surface in tracer.surfaces.static[:3])
             raise ValueError(f"environment: the scene has surfaces of its own ({names} …); an image needs scene=None")
         if refiner is not None and tracer.radar.trajectory is not None:
             raise ValueError("refiner: the radar moves; a static radar, or None, is needed")
-        self._tracer, self._refiner, self._seed, self._most_gain_db = tracer, refiner, seed, most_gain_db
+        self._tracer, self._refiner, self._seed = tracer, refiner, seed
         self.surroundings = ImageSurroundings(environment, tracer.radar, seed)
         self._viewpoint = np.asarray(tracer.radar.position)
 
@@ -91,7 +82,7 @@ class FusedTracer:
         count = 1 + int(np.ceil((stop - start) / KEY_SPACING - 1e-9)) if stop > start else 1
         mixed = self.images(np.linspace(start, stop, count).tolist())
         refined = list(self._refiner.refine_sequence(mixed))
-        return Refinement(mixed, refined, self._tracer.radar, self._seed, self._most_gain_db)
+        return Refinement(mixed, refined, self._tracer.radar, self._seed)
 
     def instant(self, t: float) -> list[RadarPaths]:
         """All paths at `t` [s]: of the actors, of the surroundings, and added by the refiner."""

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
 MAX_GAIN_DB = 15.0
-"""Default of the largest change of traced energy by a refined image [dB]."""
+"""Upper bound of the change of traced energy by a refined image [dB]: that of path diffusion."""
 INCOHERENT = (PathKind.DIFFUSE, PathKind.ENVIRONMENT)
 """Kinds of paths with random phases: their energies add up."""
 
@@ -107,8 +107,6 @@ class Refinement:
         The radar.
     seed
         Seed of the phases of added paths.
-    most_gain_db
-        Largest change of traced energy [dB].
 
     Raises
     ------
@@ -116,18 +114,14 @@ class Refinement:
         If the images differ in number, view or time, or have values that no radar receives.
     """
 
-    def __init__(
-        self, mixed: Sequence[Pir], refined: Sequence[Pir], radar: Radar, seed: int, most_gain_db: float = MAX_GAIN_DB
-    ) -> None:
+    def __init__(self, mixed: Sequence[Pir], refined: Sequence[Pir], radar: Radar, seed: int) -> None:
         if not mixed or len(mixed) != len(refined):
             raise ValueError(f"refined: {len(refined)} images for {len(mixed)} mixed ones; one for each is needed")
-        if not (math.isfinite(most_gain_db) and most_gain_db >= 0):
-            raise ValueError(f"most_gain_db is {most_gain_db!r}: a finite level [dB] of at least 0 is needed")
         self.view = View.of(mixed[0])
         times = [image.time for image in mixed]
         if sorted(set(times)) != times:
             raise ValueError(f"mixed: times are {times}; ascending times are needed")
-        limit = most_gain_db / 20.0 * math.log(10.0)
+        limit = MAX_GAIN_DB / 20.0 * math.log(10.0)
         self._keys = []
         for number, (before, after) in enumerate(zip(mixed, refined, strict=True)):
             check_image(f"refined[{number}]", after)

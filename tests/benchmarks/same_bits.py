@@ -162,11 +162,11 @@ def car() -> Arrays:
     """A car on a path behind a rough plate."""
     import sionna.rt
 
-    from rfgen_sionna.generative.driving import drive
+    from rfgen_sionna.generative.driving import Drive
 
     mesh: Any = trimesh.load(Path(sionna.rt.__file__).parent / "scenes/low_poly_car.ply", force="mesh", process=False)
     mesh.invert()
-    way = drive([(7, -3, 0), (5.5, 0, 0), (4.5, 3, 0)], 3.0)
+    way = Drive(np.array([(7, -3, 0), (5.5, 0, 0), (4.5, 3, 0)], dtype=float), 3.0)
     actor = rfgen.Actor.from_mesh(mesh, material="metal", name="car", trajectory=way)
     rough = dataclasses.replace(rfgen.material("concrete"), scattering_coefficient=0.3)
     square = [[3, -0.2, 0.3], [3.3, -0.2, 0.4], [3.3, 0.2, 0.4], [3, 0.2, 0.3]], [[0, 1, 2], [0, 2, 3]]

@@ -202,7 +202,7 @@ def test_show_says_what_a_file_holds_and_draws_it_once(rfgen: Rfgen, tmp_path: P
     code, out, err = rfgen("show", "run.h5")
     assert code == 0, err
     assert "a person walking" in out
-    assert "run.png exists and is left; --overwrite" in out
+    assert "run.png exists and is kept; --overwrite" in out
     assert "wrote run.gif" in out
     assert (tmp_path / "run.png").read_text() == "mine"
     assert rfgen("show", "run.h5", "--overwrite")[0] == 0
@@ -213,8 +213,8 @@ def test_show_after_generate_as_the_readme_has_it(rfgen: Rfgen) -> None:
     assert rfgen("generate", "someone raises an arm", "--output", "arm.h5")[0] == 0
     code, out, err = rfgen("show", "arm.h5")
     assert code == 0, err
-    assert out.index("someone raises an arm") < out.index("arm.png exists and is left")
-    assert "arm.gif exists and is left" in out
+    assert out.index("someone raises an arm") < out.index("arm.png exists and is kept")
+    assert "arm.gif exists and is kept" in out
     assert "wrote" not in out
 
 

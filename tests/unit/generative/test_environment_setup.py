@@ -85,9 +85,9 @@ def test_without_diffusers_there_is_an_exact_place_and_a_word_about_it(caplog: p
             r"'painted' is no source of surroundings; allowed before the colon: 'scene' \(the scene of a file\), 'furn",
         ),
         (("furnished",), r"environment is 'furnished', but no place is named: name one \('furnished: a street'\)"),
-        (("scene: an office",), "'an office' is no scene of a file"),
-        (("furnished: Munich",), "'Munich' is a scene of a file alone"),
-        (("diffusion: Munich",), "'Munich' is a scene of a file alone"),
+        (("scene: an office",), "'an office' is no scene file"),
+        (("furnished: Munich",), "'Munich' exists as a scene file only"),
+        (("diffusion: Munich",), "'Munich' exists as a scene file only"),
         (("furnished: an office", "desk"), "negative_environment is 'desk': only imagined surroundings"),
         (("scene: a living room", "", True), "refine is True: only imagined surroundings"),
         (("none: a living room",), "'none: a living room' names a place, but 'none' is free space"),
@@ -300,7 +300,7 @@ def test_what_is_said_of_imagining_reaches_the_models(tiny_toml: Path, monkeypat
         "paths": (None, "cpu"), "strength": 0.25,
     }  # fmt: skip
     assert [each.value for each in made.decisions if each.name == "paths"] == [
-        "completed by path diffusion, strength 0.25, that of the model that ships with the package"
+        "completed by path diffusion, strength 0.25, by the package's own model"
     ]
     assert set_up_environment(asked, "diffusion", radar, seed=0, image_options=ImageOptions(refine=0.0)).refiner is None
 

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.generative.bodies.gltf import is_animated, load_animation
-from rfgen_sionna.generative.driving import drive
+from rfgen_sionna.generative.driving import Drive
 from rfgen_sionna.generative.motion.loaders import ClipError
 from rfgen_sionna.records import MeshSequence
 
@@ -128,7 +128,7 @@ def test_broken_files_are_named(tmp_path: Path, extra: dict, message: str) -> No
 
 
 def test_a_car_keeps_its_speed_and_faces_where_it_goes() -> None:
-    way = drive([(0.0, 0.0), (20.0, 0.0), (30.0, 10.0), (30.0, 30.0)], 8.0, ramp=2.0)
+    way = Drive([(0.0, 0.0), (20.0, 0.0), (30.0, 10.0), (30.0, 30.0)], 8.0, ramp=2.0)
     t = np.linspace(0.0, way.duration, 4001)
     places = np.stack([way(s)[0] for s in t])
     speed = np.linalg.norm(np.diff(places, axis=0), axis=-1) / np.diff(t)
@@ -143,13 +143,13 @@ def test_a_car_keeps_its_speed_and_faces_where_it_goes() -> None:
 
 def test_bad_paths_are_named() -> None:
     with pytest.raises(ValueError, match="points"):
-        drive([(0.0, 0.0)], 1.0)
+        Drive([(0.0, 0.0)], 1.0)
     with pytest.raises(ValueError, match="same"):
-        drive([(0.0, 0.0), (0.0, 0.0)], 1.0)
+        Drive([(0.0, 0.0), (0.0, 0.0)], 1.0)
     with pytest.raises(ValueError, match="speed"):
-        drive([(0.0, 0.0), (1.0, 0.0)], 0.0)
+        Drive([(0.0, 0.0), (1.0, 0.0)], 0.0)
     with pytest.raises(ValueError, match="ramp"):
-        drive([(0.0, 0.0), (1.0, 0.0)], 1.0, ramp=-1.0)
+        Drive([(0.0, 0.0), (1.0, 0.0)], 1.0, ramp=-1.0)
 
 
 def test_a_car_is_an_actor() -> None:
@@ -158,10 +158,10 @@ def test_a_car_is_an_actor() -> None:
     from rfgen_sionna.scene import MeshActor
 
     car = MeshActor.from_mesh(
-        trimesh.creation.box((4.0, 1.8, 1.4)), material="metal", trajectory=drive([(5, 0), (25, 0)], 10.0)
+        trimesh.creation.box((4.0, 1.8, 1.4)), material="metal", trajectory=Drive([(5, 0), (25, 0)], 10.0)
     )
     middle = car.vertices(1.5).mean(axis=0)
-    assert middle[0] == pytest.approx(5.0 + drive([(5, 0), (25, 0)], 10.0).travelled(1.5))
+    assert middle[0] == pytest.approx(5.0 + Drive([(5, 0), (25, 0)], 10.0).travelled(1.5))
 
 
 def test_an_animated_file_is_an_actor(tmp_path: Path) -> None:

@@ -306,7 +306,7 @@ def test_what_does_not_go_together_is_refused(radar, ball):
     environment = wall(radar)
     with pytest.raises(ValueError, match="scene=None"):
         Simulator("living_room", radar, environment=environment)
-    with pytest.raises(ValueError, match="refiner: there is no environment"):
+    with pytest.raises(ValueError, match="refiner needs an environment"):
         Simulator(None, radar, [ball], refiner=Refine())
     with pytest.raises(TypeError, match="environment is a ndarray"):
         Simulator(None, radar, environment=environment.energy)
