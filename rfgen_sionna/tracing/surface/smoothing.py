@@ -3,7 +3,7 @@
 Between vertices with normals n_i, n_k the middle of an edge p_k - p_i is displaced by a circle's sagitta, about (n_k -
 n_i) . (p_k - p_i) / 8, and a facet by the quadratic of its three edges. Neighbours share edges and normals, so the
 surface stays closed. At creases each side has its own normals, and plane parts between bent edges stay plane
-(:mod:`rfgen_sionna.scene.plane_parts`). The surface's slope is that of the patches, not of the vertex normals.
+(:mod:`rfgen_sionna.scene.faceting`). The surface's slope is that of the patches, not of the vertex normals.
 """
 
 from __future__ import annotations
