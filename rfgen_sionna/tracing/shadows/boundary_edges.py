@@ -82,12 +82,11 @@ class ShadowEdges:
         viewpoint: FloatArray,
         wavenumber: float,
     ) -> ShadowEdges:
-        """Straight pieces of the boundaries of visible `pieces` (piece, 3, 3) of the facets `owner` (piece,), taken as
-        flat.
+        """Straight pieces of the boundaries of visible `pieces` (piece, 3, 3) on flat facets `owner` (piece,).
 
         `occluder` (piece, 4) is :attr:`SampledVisibility.occluder`, or (piece, 16) that of
-        :class:`rfgen_sionna.tracing.moving.slab_transmission.SlabEdges`. The phase at `wavenumber` [rad/m] is linear on
-        each.
+        :class:`rfgen_sionna.tracing.moving.slab_transmission.SlabTransmission`. At `wavenumber` [rad/m] the phase is
+        linear on each piece.
         """
         edged = np.flatnonzero(occluder[:, 0] < 1.0)  # not NaN
         through = np.ascontiguousarray(occluder[edged, 4:]).view(np.complex128)
