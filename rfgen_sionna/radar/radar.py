@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
-from rfgen_sionna.radar.device import radar_fields, radar_file
 from rfgen_sionna.radar.pattern import Pattern, pattern_record
 from rfgen_sionna.radar.pose import POLARIZATIONS, Trajectory, Vector, look_at_angles, pose_at, rotation_matrix, vector
+from rfgen_sionna.radar.radar_fields import radar_fields, radar_file
 from rfgen_sionna.radar.radar_record import fields_from_record, waveform_record
 from rfgen_sionna.radar.slots import slot_label
 from rfgen_sionna.radar.waveform import Waveform

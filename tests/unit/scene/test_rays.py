@@ -359,3 +359,8 @@ def test_threads_are_given_back_after_a_move():
     finally:
         dr.set_thread_count(before)
     assert visible == ([1, 1] if on_cpu else [2, 2])
+
+
+def test_the_former_name_of_occluders_warns() -> None:
+    with pytest.warns(DeprecationWarning, match="RayScene.looks is deprecated.*RayScene.occluders"):
+        assert RayScene.looks == RayScene.occluders
