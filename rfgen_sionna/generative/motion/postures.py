@@ -136,9 +136,9 @@ def arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed:
     )
     lift_arm(tracks, side, direction, rng.uniform(0.1, 0.35), amount)
     tracks.arms[side].direction += 0.01 * np.stack([wander(tracks.t, rng, 1.0) for _ in range(3)], axis=-1)
-    hand = tracks.hands[side]
-    hand.pronation += amount * rng.uniform(-0.2, 0.7)
-    hand.curl *= (1.0 - 0.7 * amount)[:, None, None]
+    palm = tracks.hands[side]
+    palm.pronation += amount * rng.uniform(-0.2, 0.7)
+    palm.curl *= (1.0 - 0.7 * amount)[:, None, None]
     tracks.lean += amount * rng.uniform(0.0, 0.05) * (1 if side == "left" else -1)
     stand_up_straight(tracks)
 

@@ -43,7 +43,7 @@ class WalkPath:
 
     def at(self, t: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """x, y [m] and heading [rad] at `t` [s]."""
-        x, y, heading = (np.interp(t, self.t, c) for c in (self.x, self.y, self.heading))
+        x, y, heading = (np.asarray(np.interp(t, self.t, c), np.float64) for c in (self.x, self.y, self.heading))
         return x, y, heading
 
 
