@@ -19,19 +19,11 @@ rfgen generate "a tall man walks back and forth at 3 m" --preset mmmesh --durati
 
 rfgen generate "someone raises an arm" --negative "left arm" --environment "free space"
 
-rfgen generate "a woman swipes to the left with the right hand, 1 m away" --preset di_gesture
-
-rfgen generate "a person walks towards the radar, at azimuth 20 degrees" --environment "free space"
-
 rfgen generate "a person walks while raising the left arm, 5 m away" --motion diffusion --environment "free space"
 
 rfgen generate "action: push, distance: 1 m" --environment "floor wall" --radar-position=-1.5,0,1.2 --look-at 0,0,1.2
 
-rfgen generate "a person stands" --environment "furnished: an office" --seed 4
-
 rfgen generate "a person doing jumping jacks" --environment "a bedroom with a wardrobe" --negative-environment desk
-
-rfgen generate "a person doing jumping jacks" --environment "scene: a living room"
 
 rfgen generate "a man jumps, 4 m away" --environment Munich --radar-position 205.1,-261.5,1.5 --look-at 200,-261.5,1.5
 

@@ -5,16 +5,6 @@ from rfgen_sionna.dataset.schema import STANDARD_LABELS, ActorInfo, Label, RunFo
 from rfgen_sionna.dataset.store import OutputError, RunWriter, check_output
 
 __all__ = [
-    "STANDARD_LABELS",
-    "ActorInfo",
-    "ActorRecord",
-    "Label",
-    "LabelRecord",
-    "OutputError",
-    "Run",
-    "RunFormatError",
-    "RunInfo",
-    "RunWriter",
-    "check_output",
-    "open_run",
-]
+    "STANDARD_LABELS", "ActorInfo", "ActorRecord", "Label", "LabelRecord", "OutputError", "Run", "RunFormatError",
+    "RunInfo", "RunWriter", "check_output", "open_run",
+]  # fmt: skip

@@ -19,22 +19,14 @@ def create_run(file: h5py.File, info: RunInfo) -> None:
     """Create everything but labels and PIR, whose shapes are those of the first frame."""
     radar = info.radar
     wave = radar.waveform
-    file.attrs.update(
-        {
-            "Conventions": f"{FORMAT}-{VERSION}",
-            "format": FORMAT,
-            "format_version": VERSION,
-            "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "prompt": info.prompt,
-            "negative_prompt": info.negative_prompt,
-            "environment": info.environment,
-            "report": info.report,
-            "receiver": "" if info.receiver is None else json.dumps(info.receiver),
-            "radar": json.dumps(radar.to_dict()),
-            "seeds": json.dumps({name: None if seed is None else int(seed) for name, seed in info.seeds.items()}),
-            "software": json.dumps(dict(info.software)),
-        }
-    )
+    file.attrs.update({
+        "Conventions": f"{FORMAT}-{VERSION}", "format": FORMAT, "format_version": VERSION,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"), "prompt": info.prompt,
+        "negative_prompt": info.negative_prompt, "environment": info.environment, "report": info.report,
+        "receiver": "" if info.receiver is None else json.dumps(info.receiver), "radar": json.dumps(radar.to_dict()),
+        "seeds": json.dumps({name: None if seed is None else int(seed) for name, seed in info.seeds.items()}),
+        "software": json.dumps(dict(info.software)),
+    })  # fmt: skip
     _scale(file, "frame", np.arange(0), "frame number", frames=True)
     _scale(file, "chirp", np.arange(wave.num_loops), "loop within the frame")
     by_element = radar.axis_names == radar.tx_names

@@ -187,14 +187,10 @@ class Run:
         for name in names:
             group = self._opened[f"actors/{name}"]
             found[str(name)] = ActorRecord(
-                name=str(name),
-                material=str(group.attrs["material"]),
-                faces=group["faces"][:],
-                part_names=tuple(group["part"].asstr()[:]),
-                face_parts=group["face_part"][:],
-                joint_names=tuple(group["joint"].asstr()[:]) if "joint" in group else (),
-                _group=group,
-            )
+                name=str(name), material=str(group.attrs["material"]), faces=group["faces"][:],
+                part_names=tuple(group["part"].asstr()[:]), face_parts=group["face_part"][:],
+                joint_names=tuple(group["joint"].asstr()[:]) if "joint" in group else (), _group=group,
+            )  # fmt: skip
         return found
 
     @cached_property

@@ -38,12 +38,9 @@ if TYPE_CHECKING:
 
 FORMAT = "rfgen-run"
 VERSION = "1.0"
-
 PIR_CHANNELS: dict[str, str] = {"energy": "1", "time_of_arrival": "s", "velocity": "m s-1"}
 """Channels of a PIR image in the order of the file -> unit; energy is |path gain|²."""
-
 AXES = ("x", "y", "z")
-
 SOFTWARE = (
     "rfgen_sionna", "sionna-rt", "mitsuba", "drjit", "numpy", "scipy", "finufft", "trimesh", "anny", "torch", "h5py",
 )  # fmt: skip
@@ -93,13 +90,7 @@ STANDARD_LABELS: dict[str, Label] = {
 
 @dataclass(frozen=True)
 class ActorInfo:
-    """Constant properties of an actor.
-
-    Raises
-    ------
-    ValueError
-        If the name, the faces or the face parts are invalid.
-    """
+    """Constant properties of an actor; ValueError if the name, the faces or the face parts are invalid."""
 
     name: str
     material: str

@@ -15,14 +15,9 @@ if TYPE_CHECKING:
     from rfgen_sionna.generative.prompts import parse_environment, parse_prompt
 
 _HOME = {
-    "ACTIONS": "motion",
-    "Actor": "actor",
-    "KinematicSource": "motion",
-    "MotionSource": "motion",
-    "Phenotype": "bodies",
-    "parse_environment": "prompts",
-    "parse_prompt": "prompts",
-}
+    "ACTIONS": "motion", "Actor": "actor", "KinematicSource": "motion", "MotionSource": "motion",
+    "Phenotype": "bodies", "parse_environment": "prompts", "parse_prompt": "prompts",
+}  # fmt: skip
 
 __all__ = ["ACTIONS", "Actor", "KinematicSource", "MotionSource", "Phenotype", "parse_environment", "parse_prompt"]
 

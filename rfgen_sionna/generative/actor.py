@@ -145,17 +145,12 @@ class Actor(MeshActor):
             way.append(check_walk_path(performed, place, yaw, radar))
         arguments = {"position": position, "orientation": orientation, "body": body}
         return cls(
-            animate(rig, performed),
-            material,
-            name=name,
+            animate(rig, performed), material, name=name,
             position=cast(Any, (*place, floor) if position is None else position),
             orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation),
-            motion=replace(performed, prompt=said.text),
-            prompt=said,
-            body=rig,
-            phenotype=phenotype,
+            motion=replace(performed, prompt=said.text), prompt=said, body=rig, phenotype=phenotype,
             decisions=(*_decisions(said, seed, describe(rig), arguments), *way, _origin(source), _material(material)),
-        )
+        )  # fmt: skip
 
     @classmethod
     def from_motion(
@@ -227,15 +222,10 @@ class Actor(MeshActor):
             rig = body if isinstance(body, Rig) else person(phenotype, seed=seed)
             sequence = animate(rig, clip)
         return cls(
-            sequence,
-            material,
-            name=name,
-            position=cast(Any, (*place, 0.0) if position is None else position),
-            orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation),
-            motion=clip,
-            body=rig,
+            sequence, material, name=name, position=cast(Any, (*place, 0.0) if position is None else position),
+            orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation), motion=clip, body=rig,
             phenotype=phenotype,
-        )
+        )  # fmt: skip
 
 
 def _origin(source: MotionSource) -> Decision:
@@ -260,15 +250,9 @@ def _performed(said: ScenePrompt, duration: float, seed: int, skeleton: Skeleton
     if not (said.sentence and isinstance(source, SentenceSource)):
         return source(said.action, duration, seed, skeleton=skeleton, hand=said.hand, speed=speed)
     return source.generate(
-        said.sentence,
-        duration=duration,
-        seed=seed,
-        negative=said.avoid,
-        skeleton=skeleton,
-        speed=speed,
-        action=said.action,
-        arms=said.arms,
-    )
+        said.sentence, duration=duration, seed=seed, negative=said.avoid, skeleton=skeleton, speed=speed,
+        action=said.action, arms=said.arms,
+    )  # fmt: skip
 
 
 def _decisions(said: ScenePrompt, seed: int, person: Phenotype, given: Mapping[str, Any]) -> list[Decision]:

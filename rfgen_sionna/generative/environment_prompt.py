@@ -24,10 +24,8 @@ PLACE_PATTERNS = {
 }
 """Furnished place (:data:`rfgen_sionna.scene.furnished.PLACES`) without a scene file -> pattern."""
 _PLACES_OF_SCENES = {
-    "living_room": "living room",
-    "simple_street_canyon": "street",
-    "simple_street_canyon_with_cars": "street",
-}
+    "living_room": "living room", "simple_street_canyon": "street", "simple_street_canyon_with_cars": "street",
+}  # fmt: skip
 """Scene file -> name of the same kind of furnished or imagined place."""
 _PATTERNS = {**vocabulary.SCENE_PATTERNS, **PLACE_PATTERNS}
 _COMMON_WORDS = vocabulary.COMMON_SCENE_WORDS | set(PLACE_PATTERNS)

@@ -70,7 +70,7 @@ SEVERAL: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "trash bin": _BINS,
         "trash can": _BINS,
     }
-)
+)  # fmt: skip
 """Names of several kinds."""
 EMPTY = (
     r"(?<!half )(?<!non )(?<!not )(?<!semi )(?:(?:completely|entirely|totally|almost|nearly) )?"

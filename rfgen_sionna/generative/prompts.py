@@ -230,18 +230,8 @@ def parse_prompt(
         if value is None:
             del origins[name]
     return ScenePrompt(
-        text=prompt,
-        negative=negative,
-        seed=seed,
-        action=action,
-        choices=tuple(allowed),
-        orientation_deg=orientation,
-        distance_m=distance,
-        bearing_deg=bearing,
-        body=body,
-        hand=hand,
-        speed=speed,
-        surroundings=surroundings,
+        text=prompt, negative=negative, seed=seed, action=action, choices=tuple(allowed), orientation_deg=orientation,
+        distance_m=distance, bearing_deg=bearing, body=body, hand=hand, speed=speed, surroundings=surroundings,
         understood=(
             *understood,
             *((words, "repeated, as this action is") for words in said.repeated if periodic),
@@ -252,13 +242,10 @@ def parse_prompt(
             *(() if periodic else said.repeated),
             *unused,
             *(phrase for phrase in denied.unused if reading is None or phrase not in reading.read),
-        ),
-        origins=origins | from_words,
-        arms=reading.arms if reading else "",
-        sentence=reading.sentence if reading else "",
-        avoid=reading.avoid if reading else "",
+        ), origins=origins | from_words, arms=reading.arms if reading else "",
+        sentence=reading.sentence if reading else "", avoid=reading.avoid if reading else "",
         notes=reading.notes if reading else (),
-    )
+    )  # fmt: skip
 
 
 def _credited(said: Phrases, reading: SourceReading) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
@@ -277,7 +264,7 @@ def _credited(said: Phrases, reading: SourceReading) -> tuple[tuple[tuple[str, s
 
 
 def _refuse_negation(text: str, read: Phrases, message: str) -> None:
-    # The whole text, since phrases contain negations ("picks up a box without bending"), but not "environment: nothing".
+    # The whole text: phrases contain negations ("picks up a box without bending"); "environment: nothing" is a place.
     negation = negation_in(split_keyword(text)[0]) or negation_in(" , ".join(read.unused))
     if negation:
         raise PromptError(message.format(negation))

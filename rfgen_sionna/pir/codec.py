@@ -151,15 +151,7 @@ class AuthorsCodec:
     """Energy of a pixel at full amplitude: a mirror at 1.6 m at 77 GHz."""
 
     def encode(self, pir: Pir, *, clip: bool = False) -> Image:
-        """(3, row, column) channels in −1 … 1 of `pir`; empty pixels are black.
-
-        Raises
-        ------
-        ImageRangeError
-            If energies or depths are out of the convention's range, without `clip`.
-        ValueError
-            If the projection is not perspective.
-        """
+        """(3, row, column) channels in −1 … 1 of `pir`, as :meth:`PirCodec.encode`; ValueError if not perspective."""
         there = (pir.energy > 0) & np.isfinite(pir.time_of_arrival)
         depth = np.where(there, 0.5 * SPEED_OF_LIGHT * pir.time_of_arrival, self.nearest) / _ray_over_depth(pir)
         depth = np.where(there, depth, self.nearest)
@@ -171,13 +163,7 @@ class AuthorsCodec:
         return np.clip(2 * np.stack([red, green, 0 * red]) - 1, -1.0, 1.0).astype(np.float32)
 
     def decode(self, image: ArrayLike, like: Pir, *, clip: bool = False) -> Pir:
-        """PIR of an image (3, row, column) in −1 … 1, with the viewpoint, field of view and time of `like`.
-
-        Raises
-        ------
-        ImageRangeError
-            If the image has other channels, or values out of range without `clip`.
-        """
+        """PIR of an image (3, row, column) in −1 … 1, as :meth:`PirCodec.decode`."""
         x = 0.5 * (check_image(image, clip=clip) + 1)
         if x.ndim != 3:
             raise ImageRangeError(f"image has shape {x.shape}: (3, row, column) is needed")

@@ -71,16 +71,7 @@ def rasterise(paths: RadarPaths, view: View, t: float) -> Pir:
     arrival, velocity = np.full(view.size, np.nan), np.zeros(view.size)
     arrival[hit] = total(power * delay)[hit] / weight[hit]
     velocity[hit] = 0.5 * SPEED_OF_LIGHT * total(power * rate)[hit] / weight[hit]
-    return Pir(
-        energy=energy.reshape(view.resolution),
-        time_of_arrival=arrival.reshape(view.resolution),
-        velocity=velocity.reshape(view.resolution),
-        fov_deg=view.fov_deg,
-        position=view.position,
-        orientation=view.orientation,
-        projection=view.projection,
-        time=float(t),
-    )
+    return view.pir(energy, arrival, velocity, t)
 
 
 @dataclass(frozen=True)

@@ -89,21 +89,12 @@ class ImageSurroundings:
         gain = gain * float(self._radar.tx_field @ self._radar.rx_field)
         count = len(self.pixel)
         return RadarPaths(
-            a=np.broadcast_to(gain, tau.shape),
-            tau=tau,
-            tau_rate=rate,
-            times=np.asarray(times, dtype=np.float64),
-            frequency=self._radar.center_frequency,
-            direction=direction,
-            arrival=direction,
-            object_id=np.zeros(count, np.int32),
-            part_id=np.zeros(count, np.int32),
-            kind=np.full(count, PathKind.ENVIRONMENT, np.uint8),
-            bounces=np.ones(count, np.uint8),
-            object_names=(OBJECT_NAME,),
-            part_names=(OBJECT_NAME,),
-            facet=np.full(count, -1, np.int32),
-        )
+            a=np.broadcast_to(gain, tau.shape), tau=tau, tau_rate=rate, times=np.asarray(times, dtype=np.float64),
+            frequency=self._radar.center_frequency, direction=direction, arrival=direction,
+            object_id=np.zeros(count, np.int32), part_id=np.zeros(count, np.int32),
+            kind=np.full(count, PathKind.ENVIRONMENT, np.uint8), bounces=np.ones(count, np.uint8),
+            object_names=(OBJECT_NAME,), part_names=(OBJECT_NAME,), facet=np.full(count, -1, np.int32),
+        )  # fmt: skip
 
     def visible_share(self, rays: RayScene, t: float) -> FloatArray:
         """(path,) unoccluded share of each pixel at `t` [s], for occluders `rays` in the radar's apparent frame."""

@@ -51,13 +51,9 @@ class SceneSnapshot:
         rays, _, velocities = tracer.geometry(t)
         static = tracer.surfaces.static
         return SceneSnapshot(
-            rays,
-            (*static, *tracer.surfaces.moving),
-            tuple(velocities),
-            np.asarray(viewpoint, dtype=np.float64),
-            tracer.radar.center_frequency,
-            len(static),
-        )
+            rays, (*static, *tracer.surfaces.moving), tuple(velocities), np.asarray(viewpoint, dtype=np.float64),
+            tracer.radar.center_frequency, len(static),
+        )  # fmt: skip
 
     @property
     def materials(self) -> list[Material]:
@@ -141,15 +137,9 @@ def trace_diffuse(snapshot: SceneSnapshot, directions: FloatArray, solid_angles:
     energy = diffuse_energy(snapshot.materials, hits.object, snapshot.frequency, cos, towards, normal)
     energy *= solid_angles[ray] / np.maximum(hits.distance, 1e-4) ** 2
     return DiffuseReturns(
-        ray=ray.astype(np.int32),
-        object=hits.object,
-        energy=energy,
-        roughness=rough,
-        cos=cos,
-        normal=normal,
-        distance=hits.distance,
-        velocity=snapshot.radial_velocity(hits, towards),
-    )
+        ray=ray.astype(np.int32), object=hits.object, energy=energy, roughness=rough, cos=cos, normal=normal,
+        distance=hits.distance, velocity=snapshot.radial_velocity(hits, towards),
+    )  # fmt: skip
 
 
 def diffuse_energy(

@@ -81,13 +81,7 @@ class ImagePlane:
 
 
 def check_projection(projection: str) -> Projection:
-    """`projection` as one of :data:`PROJECTIONS`.
-
-    Raises
-    ------
-    ValueError
-        If it is none of them.
-    """
+    """`projection` as one of :data:`PROJECTIONS`; ValueError if it is none of them."""
     for known in PROJECTIONS:
         if isinstance(projection, str) and projection == known:
             return known

@@ -127,16 +127,7 @@ def render_pir(
     hit = weight > 0
     arrival[hit] = (2 / SPEED_OF_LIGHT) * distance[hit] / weight[hit]
     velocity[hit] = speed[hit] / weight[hit]
-    return Pir(
-        energy=(coherent + diffuse).reshape(rows, columns),
-        time_of_arrival=arrival.reshape(rows, columns),
-        velocity=velocity.reshape(rows, columns),
-        fov_deg=fov,
-        position=position,
-        orientation=orientation,
-        projection=shape,
-        time=float(t),
-    )
+    return view.pir(coherent + diffuse, arrival, velocity, t)
 
 
 def _indirect(tracer: Tracer, t: float, bounces: int, view: View) -> tuple[ComplexArray, PixelReturns]:
@@ -158,19 +149,11 @@ def _one_element(radar: Radar, position: Vector, orientation: Vector) -> Radar:
     here, waveform = np.zeros((1, 3)), radar.waveform
     slots = tuple(Slot((0.0,), number) for number in range(len(waveform.profiles))) if waveform.slots else ()
     return replace(
-        radar,
-        waveform=replace(waveform, tx_order=() if slots else (0,), slots=slots, slot_starts=None),
-        tx_names=radar.tx_names[:1],
-        rx_names=radar.rx_names[:1],
-        tx_positions=here,
-        rx_positions=here,
-        tx_polarization="V",
-        rx_polarization="V",
-        pattern=ElementPattern(0.0),
-        position=position,
-        orientation=orientation,
-        trajectory=None,
-    )
+        radar, waveform=replace(waveform, tx_order=() if slots else (0,), slots=slots, slot_starts=None),
+        tx_names=radar.tx_names[:1], rx_names=radar.rx_names[:1], tx_positions=here, rx_positions=here,
+        tx_polarization="V", rx_polarization="V", pattern=ElementPattern(0.0), position=position,
+        orientation=orientation, trajectory=None,
+    )  # fmt: skip
 
 
 class PixelReturns(NamedTuple):
@@ -192,12 +175,7 @@ class PixelReturns(NamedTuple):
     def extended(self, more: PixelReturns) -> PixelReturns:
         """These returns and those of `more` inside the image (pixel 0 or more)."""
         inside = more.pixel >= 0
-        return PixelReturns(
-            np.concatenate([self.pixel, more.pixel[inside]]),
-            np.concatenate([self.energy, more.energy[inside]]),
-            np.concatenate([self.distance, more.distance[inside]]),
-            np.concatenate([self.velocity, more.velocity[inside]]),
-        )
+        return PixelReturns(*(np.concatenate([a, b[inside]]) for a, b in zip(self, more, strict=True)))
 
     def total(self, values: FloatArray, size: int) -> FloatArray:
         """(pixel,) sum of `values` (return,) over the returns of each of `size` pixels."""

@@ -39,16 +39,14 @@ class View:
 
     @classmethod
     def of(cls, pir: Pir) -> View:
-        """View of a PIR.
-
-        Raises
-        ------
-        ValueError
-            If its projection is unknown.
-        """
+        """View of a PIR; ValueError if its projection is unknown."""
         rows, columns = pir.energy.shape
-        projection = check_projection(pir.projection)
-        return cls((rows, columns), pir.fov_deg, pir.position, pir.orientation, projection)
+        return cls((rows, columns), pir.fov_deg, pir.position, pir.orientation, check_projection(pir.projection))
+
+    def pir(self, energy: FloatArray, time_of_arrival: FloatArray, velocity: FloatArray, t: float) -> Pir:
+        """PIR of this view at time `t` [s] from values (pixel,)."""
+        first, second, third = (values.reshape(self.resolution) for values in (energy, time_of_arrival, velocity))
+        return Pir(first, second, third, self.fov_deg, self.position, self.orientation, self.projection, float(t))
 
     @property
     def size(self) -> int:

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import os
-import shutil
-import subprocess
 import tempfile
-import warnings
 from collections.abc import Callable
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import cast
 
@@ -44,8 +39,7 @@ def animation(
     run
         An open run or the path of one.
     output
-        File that ends in .mp4 or .gif. MP4 needs ffmpeg (on the path, or from the package imageio-ffmpeg); without
-        it a GIF of the same name is written, with a warning.
+        GIF file.
     overwrite
         Whether an existing film is replaced.
     dpi
@@ -65,15 +59,8 @@ def animation(
         If `output` has another suffix.
     """
     target = Path(output)
-    if target.suffix not in (".mp4", ".gif"):
-        raise ValueError(f"output '{target}' ends in '{target.suffix}'; allowed: .mp4, .gif")
-    encoder = _ffmpeg() if target.suffix == ".mp4" else None
-    if target.suffix == ".mp4" and encoder is None:
-        target = target.with_suffix(".gif")
-        warnings.warn(
-            f"no ffmpeg found (install it, or the package imageio-ffmpeg): writing '{target}' instead of an MP4",
-            stacklevel=2,
-        )
+    if target.suffix != ".gif":
+        raise ValueError(f"output '{target}' ends in '{target.suffix}'; allowed: .gif")
     check_output(target, overwrite)
     with opened(run) as source:
         pictures = _pictures(source, dpi, progress)
@@ -81,10 +68,7 @@ def animation(
         interval = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
         made = Path(folder) / target.name
-        if encoder is None:
-            _gif(pictures, made, interval)
-        else:
-            _mp4(pictures, made, interval, encoder)
+        _gif(pictures, made, interval)
         os.replace(made, target)
     return target
 
@@ -107,9 +91,7 @@ def _pictures(run: Run, dpi: int, progress: Callable[[int, int], None] | None) -
         page.text(0.015, 0.945, headline(run), fontsize=12.5, fontweight="bold", color=INK)
         page.text(0.985, 0.945, f"{run.frame_times[frame]:.2f} s", fontsize=12, color=INK, ha="right")
         canvas.draw()
-        picture = np.asarray(canvas.buffer_rgba())[..., :3]
-        # Video codecs take even sizes only.
-        pictures.append(np.ascontiguousarray(picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]))
+        pictures.append(np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3]))
         if progress is not None:
             progress(frame + 1, len(run))
     return pictures
@@ -122,27 +104,3 @@ def _gif(pictures: list[Picture], target: Path, interval: float) -> None:
     frames[0].save(
         target, save_all=True, append_images=frames[1:], duration=max(20, round(interval * 1e3)), loop=0, optimize=True
     )
-
-
-def _mp4(pictures: list[Picture], target: Path, interval: float, encoder: str) -> None:
-    height, width, _ = pictures[0].shape
-    command = [
-        encoder, "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
-        "-r", f"{1 / interval:.6f}", "-i", "-", "-an", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "20",
-        "-movflags", "+faststart", str(target),
-    ]  # fmt: skip
-    done = subprocess.run(command, input=b"".join(p.tobytes() for p in pictures), capture_output=True, check=False)
-    if done.returncode:
-        raise RuntimeError(f"ffmpeg ({encoder}) failed: {done.stderr.decode(errors='replace').strip()}")
-
-
-def _ffmpeg() -> str | None:
-    """Path of an ffmpeg; None if none is installed."""
-    if found := shutil.which("ffmpeg"):
-        return found
-    if find_spec("imageio_ffmpeg") is None:
-        return None
-    try:
-        return str(import_module("imageio_ffmpeg").get_ffmpeg_exe())
-    except RuntimeError:
-        return None

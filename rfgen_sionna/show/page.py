@@ -13,15 +13,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
 
 from rfgen_sionna.dataset import Run, check_output
-from rfgen_sionna.show.panels import (
-    INK,
-    MUTED,
-    draw_azimuth,
-    draw_doppler_time,
-    draw_pir,
-    draw_range_doppler,
-    draw_range_time,
-)
+from rfgen_sionna.show import panels
 from rfgen_sionna.show.run_summary import radar_line
 from rfgen_sionna.show.run_view import check_frame, display_range, opened, view_frame, view_run
 from rfgen_sionna.show.scene_plot import DecimatedMesh, PlotLimits, draw_scene
@@ -88,29 +80,24 @@ def _draw(run: Run, frame: int | None) -> Figure:
     # The scene takes the right column of both upper rows.
     if run.has_pir:
         images = top[0, 0].subgridspec(1, 3)
-        draw_pir(page, tuple(page.add_subplot(images[0, i]) for i in range(3)), run.pir(frame))  # type: ignore[arg-type]
+        panels.draw_pir(page, [page.add_subplot(images[0, i]) for i in range(3)], run.pir(frame))
         maps = top[1, 0].subgridspec(1, 2)
     else:
         maps = top[:, 0].subgridspec(1, 2)
-    draw_range_doppler(page, page.add_subplot(maps[0, 0]), view, far)
-    draw_azimuth(page, page.add_subplot(maps[0, 1]), view, far)
+    panels.draw_range_doppler(page, page.add_subplot(maps[0, 0]), view, far)
+    panels.draw_azimuth(page, page.add_subplot(maps[0, 1]), view, far)
     space = cast(Axes3D, page.add_subplot(top[:, 1], projection="3d"))
     draw_scene(
-        page,
-        space,
-        run,
-        frame,
-        view.cloud,
-        limits=PlotLimits.of(run),
+        page, space, run, frame, view.cloud, limits=PlotLimits.of(run),
         meshes={name: DecimatedMesh.of(actor, 12000) for name, actor in run.actors.items()},
         speed=velocity_limit(view.cloud.velocity),
-    )
+    )  # fmt: skip
     times = rows[2].subgridspec(1, 2)
-    draw_range_time(page, page.add_subplot(times[0, 0]), run, whole, far)
-    draw_doppler_time(page, page.add_subplot(times[0, 1]), run, whole)
-    page.text(0.008, 0.985, headline(run), fontsize=15, fontweight="bold", color=INK, va="top")
+    panels.draw_range_time(page, page.add_subplot(times[0, 0]), run, whole, far)
+    panels.draw_doppler_time(page, page.add_subplot(times[0, 1]), run, whole)
+    page.text(0.008, 0.985, headline(run), fontsize=15, fontweight="bold", color=panels.INK, va="top")
     moment = f"frame {frame} of 0–{len(run) - 1}, {run.frame_times[frame]:.2f} s"
-    page.text(0.992, 0.985, f"{radar_line(run)}\n{moment}", fontsize=8.5, color=MUTED, ha="right", va="top")
+    page.text(0.992, 0.985, f"{radar_line(run)}\n{moment}", fontsize=8.5, color=panels.MUTED, ha="right", va="top")
     return page
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection
@@ -71,7 +73,7 @@ def edges(centres: FloatArray) -> FloatArray:
     return np.concatenate([[2 * centres[0] - inner[0]], inner, [2 * centres[-1] - inner[-1]]])
 
 
-def draw_pir(figure: Figure, axes: tuple[Axes, Axes, Axes], pir: Pir) -> None:
+def draw_pir(figure: Figure, axes: Sequence[Axes], pir: Pir) -> None:
     """Energy, time of arrival and velocity images, left and up as seen from the radar."""
     there = pir.energy > 0
     energy = np.where(there, decibel(np.where(there, pir.energy, 1.0)), np.nan)

@@ -87,15 +87,10 @@ def view_run(run: Run) -> RunView:
             cube, _ = displayed_samples(run, run.adc[index : index + 1])
             ranges.append(range_time(cube, radar, frame_times=[start]))
             dopplers.append(doppler_time(cube, radar, frame_times=[start]))
-        distance = RangeTime(
-            np.concatenate([r.power for r in ranges]), np.concatenate([r.time for r in ranges]), ranges[0].range
-        )
-        doppler = DopplerTime(
-            np.concatenate([d.power for d in dopplers]),
-            np.concatenate([d.time for d in dopplers]),
-            dopplers[0].velocity,
-            dopplers[0].duration,
-        )
+        power, time = (np.concatenate([getattr(r, name) for r in ranges]) for name in ("power", "time"))
+        distance = RangeTime(power, time, ranges[0].range)
+        power, time = (np.concatenate([getattr(d, name) for d in dopplers]) for name in ("power", "time"))
+        doppler = DopplerTime(power, time, dopplers[0].velocity, dopplers[0].duration)
     else:
         cube, _ = displayed_samples(run, run.adc[:])
         distance = range_time(cube, radar, frame_times=times)
@@ -138,16 +133,13 @@ def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
         samples, radar, static=static, velocity_bins=2 * samples.shape[0], range_bins=2 * samples.shape[3]
     )
     return FrameView(
-        range_doppler=watts_to_dbm(maps.power),
-        static=static,
-        range=maps.range,
-        velocity=maps.velocity,
+        range_doppler=watts_to_dbm(maps.power), static=static, range=maps.range, velocity=maps.velocity,
         azimuth=range_azimuth(samples, radar, static=static),
         # A body fills many range cells, few of them at one speed: order statistics along range separate its parts.
         cloud=point_cloud(
             samples, radar, method="os", guard=guard, train=train, dynamic_range_db=45.0, window="blackman"
         ),
-    )
+    )  # fmt: skip
 
 
 def display_range(run: Run, frame: int) -> float:

@@ -6,14 +6,6 @@ from rfgen_sionna.generative.bodies.sequence import BodySequence, animate
 from rfgen_sionna.generative.bodies.smpl_rig import BodyFileError, smpl_file, smpl_person
 
 __all__ = [
-    "BodyFileError",
-    "BodySequence",
-    "Phenotype",
-    "PhenotypeError",
-    "Rig",
-    "animate",
-    "describe",
-    "person",
-    "smpl_file",
-    "smpl_person",
-]
+    "BodyFileError", "BodySequence", "Phenotype", "PhenotypeError", "Rig", "animate", "describe", "person",
+    "smpl_file", "smpl_person",
+]  # fmt: skip

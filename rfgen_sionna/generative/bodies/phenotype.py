@@ -43,11 +43,7 @@ class PhenotypeError(ValueError):
 
 @dataclass(frozen=True)
 class Phenotype:
-    """Attributes of a person; None is drawn from the seed.
-
-    Raises:
-        PhenotypeError: a value out of range.
-    """
+    """Attributes of a person; the seed draws those that are None. PhenotypeError for values out of range."""
 
     gender: str | float | None = None
     """"male", "female", or a number from 0 (male) to 1 (female)."""
@@ -85,13 +81,10 @@ class Phenotype:
         age = float(age_rng.uniform(18.0, 75.0)) if self.age is None else float(self.age)
         muscle = float(muscle_rng.uniform(0.35, 0.7)) if self.muscle is None else float(self.muscle)
         parameters = {
-            "gender": float(gender),
-            "age": float(np.interp(age, _YEARS, _AGE_PARAMETER)),
-            "muscle": muscle,
-            "weight": float(weight_rng.uniform(0.2, 0.8)),
-            "height": 0.4,
+            "gender": float(gender), "age": float(np.interp(age, _YEARS, _AGE_PARAMETER)), "muscle": muscle,
+            "weight": float(weight_rng.uniform(0.2, 0.8)), "height": 0.4,
             "proportions": float(shape_rng.uniform(0.3, 0.7)),
-        }
+        }  # fmt: skip
         height = self.height
         if height is None:
             z, share = np.clip(height_rng.standard_normal(), -2.2, 2.2), height_rng.uniform()

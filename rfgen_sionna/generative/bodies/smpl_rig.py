@@ -36,12 +36,8 @@ _SITES = {"smpl": "smpl.is.tue.mpg.de", "smplh": "mano.is.tue.mpg.de", "smplx": 
 _GENDERS = ("neutral", "female", "male")
 _KEYS = ("v_template", "shapedirs", "J_regressor", "weights", "kintree_table", "f")
 _FOLLOWS = {
-    "jaw": "head",
-    "left_eye": "head",
-    "right_eye": "head",
-    "left_hand": "left_wrist",
-    "right_hand": "right_wrist",
-}
+    "jaw": "head", "left_eye": "head", "right_eye": "head", "left_hand": "left_wrist", "right_hand": "right_wrist",
+}  # fmt: skip
 _SHAPES = 10
 """Shape parameters that are drawn from a seed."""
 
@@ -114,23 +110,14 @@ def smpl_person(
     face_parts = label_faces(faces, weights, [_part(j) for j in joints])
     bones = np.array([_bone(name, names) for name in JOINT_NAMES], np.int32)
     return Rig(
-        vertices=vertices,
-        faces=faces,
-        weights=weights,
-        bone_names=names,
-        bone_parents=_parents(data["kintree_table"]),
-        heads=heads,
+        vertices=vertices, faces=faces, weights=weights, bone_names=names,
+        bone_parents=_parents(data["kintree_table"]), heads=heads,
         # the rest pose is the T-pose
-        to_t_pose=np.broadcast_to(np.eye(3), (len(names), 3, 3)).copy(),
-        joint_bones=bones,
-        turn_bones=bones,
-        bone_joints=follows,
-        skeleton=_skeleton(vertices, heads, names, weights, faces, face_parts),
-        part_names=PART_NAMES,
-        face_parts=face_parts,
-        height=float(np.ptp(vertices[:, 2])),
+        to_t_pose=np.broadcast_to(np.eye(3), (len(names), 3, 3)).copy(), joint_bones=bones, turn_bones=bones,
+        bone_joints=follows, skeleton=_skeleton(vertices, heads, names, weights, faces, face_parts),
+        part_names=PART_NAMES, face_parts=face_parts, height=float(np.ptp(vertices[:, 2])),
         mass=body_mass(vertices, faces),
-    )
+    )  # fmt: skip
 
 
 def _read(path: Path, joints: int) -> dict[str, np.ndarray]:
