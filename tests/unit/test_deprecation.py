@@ -27,6 +27,8 @@ def test_attributes_and_methods_of_former_names() -> None:
         assert report.instants == report.sample_times == 3
     with warns("Simulator.hidden", "Simulator.is_occluded"):
         assert Simulator.hidden is Simulator.is_occluded
+    with pytest.raises(AttributeError, match="tests/reference/sbr"):
+        _ = Simulator.__new__(Simulator).rays
 
 
 @pytest.mark.parametrize(
