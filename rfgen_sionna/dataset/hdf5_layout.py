@@ -30,7 +30,7 @@ def create_run(file: h5py.File, info: RunInfo) -> None:
     _scale(file, "frame", np.arange(0), "frame number", frames=True)
     _scale(file, "chirp", np.arange(wave.num_loops), "loop within the frame")
     by_element = radar.axis_names == radar.tx_names
-    _scale(file, "tx", list(radar.axis_names), "transmit element" if by_element else "slot, with what it radiates")
+    _scale(file, "tx", list(radar.axis_names), "transmit element" if by_element else "slot, with its active elements")
     _scale(file, "rx", list(radar.rx_names), "receive element")
     _scale(file, "sample", np.arange(wave.num_samples), "ADC sample within the chirp")
     _series(
@@ -38,7 +38,7 @@ def create_run(file: h5py.File, info: RunInfo) -> None:
         "complex baseband at the receiver input: |sample|² is power",
     )  # fmt: skip
     _series(file, "frame_time", (), np.float64, (), "s", "start of the first ramp of the frame")
-    _series(file, "mesh_time", (), np.float64, (), "s", "instant of meshes, joints and labels")
+    _series(file, "mesh_time", (), np.float64, (), "s", "time of meshes, joints and labels")
     _fixed(file, "chirp_time", wave.chirp_times, ("chirp", "tx"), "s", "start of the ramp in the frame")
     if wave.other_profiles:
         times = [wave.profiles[wave.slots[slot].profile].sample_times(wave.num_samples) for slot in wave.axis_slots]
@@ -106,7 +106,7 @@ def create_pir(file: h5py.File, pir: Pir) -> None:
     rows, columns = np.shape(pir.energy)
     group = file.create_group("pir")
     group.attrs.update({"fov_deg": pir.fov_deg, "projection": pir.projection})
-    _scale(file, "pir/channel", list(PIR_CHANNELS), "what the image shows")
+    _scale(file, "pir/channel", list(PIR_CHANNELS), "quantity")
     _scale(file, "pir/row", np.arange(rows), "0 is the top")
     _scale(file, "pir/column", np.arange(columns), "0 is the left side seen from the radar")
     _fixed(file, "pir/channel_units", list(PIR_CHANNELS.values()), ("pir/channel",), "", "units of each channel")
@@ -114,7 +114,7 @@ def create_pir(file: h5py.File, pir: Pir) -> None:
         file, "pir/image", (len(PIR_CHANNELS), rows, columns), np.float32, ("pir/channel", "pir/row", "pir/column"),
         "see channel_units", "energy is |path gain|² of isotropic elements",
     )  # fmt: skip
-    _series(file, "pir/time", (), np.float64, (), "s", "instant of the image")
+    _series(file, "pir/time", (), np.float64, (), "s", "time of the image")
     _series(file, "pir/position", (3,), np.float64, ("axis",), "m", "viewpoint, world frame")
     _scale(file, "pir/angle", ["yaw", "pitch", "roll"], "rotation")
     _series(file, "pir/orientation", (3,), np.float64, ("pir/angle",), "rad", "orientation of the viewpoint")

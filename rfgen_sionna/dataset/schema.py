@@ -76,7 +76,7 @@ class Label:
 
 
 STANDARD_LABELS: dict[str, Label] = {
-    "action": Label("", ("actor",), "what the actor does", text=True),
+    "action": Label("", ("actor",), "action of the actor", text=True),
     "position": Label("m", ("actor", "axis"), "centre of the actor, world frame"),
     "velocity": Label("m s-1", ("actor", "axis"), "velocity of that point, world frame"),
     "orientation": Label("rad", ("actor",), "direction the actor faces: yaw in the world frame"),

@@ -99,12 +99,12 @@ def read_wanted(text: str) -> Phrases:
 def _refuse_misreadable(text: str) -> None:
     several = compile_pattern(vocabulary.SEVERAL_NUMBERS).search(text)
     if several:
-        what = (
+        quantity = (
             "distance"
             if compile_pattern(r"[a-z\d. ]*(?:m|met(?:re|er)s?|cm|feet|foot|ft)").fullmatch(several.group())
             else "numbers"
         )
-        raise PromptError(f"{what}: the prompt names several: {several.group()!r}; give one number")
+        raise PromptError(f"{quantity}: the prompt names several: {several.group()!r}; give one number")
     behind = compile_pattern(vocabulary.BEHIND).search(text)
     if behind:
         raise PromptError(

@@ -178,11 +178,9 @@ def parse_prompt(
     wanted, unwanted = split_negative(prompt)
     negative = ", ".join(part for part in (negative, unwanted) if part)
     said, denied = read_wanted(wanted), read_unwanted(negative)
+    _refuse_negation(wanted, said, "prompt: {!r} negates something; unwanted choices go into the negative prompt")
     _refuse_negation(
-        wanted, said, "prompt: {!r} negates something; say what you don't want in the negative prompt instead"
-    )
-    _refuse_negation(
-        negative, denied, "negative prompt: {!r} negates what is forbidden already; name just what is not wanted"
+        negative, denied, "negative prompt: {!r} negates what is forbidden already; name the unwanted choice alone"
     )
     if denied.targets and not denied.reader.understood:
         raise PromptError(f"negative prompt: {denied.targets[0]!r} forbids the only target that is known, a person")

@@ -45,7 +45,7 @@ def render_pir(
     indirect: bool = True,
     projection: str = "perspective",
 ) -> Pir:
-    """Energy, time of arrival and radial velocity per pixel at instant `t` [s].
+    """Energy, time of arrival and radial velocity per pixel at time `t` [s].
 
     A pixel's energy is the return of its surfaces between isotropic elements: the coherent part for vertical
     polarisation, the diffuse part in the mean of both polarisations.
