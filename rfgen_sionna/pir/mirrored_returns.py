@@ -101,9 +101,9 @@ def trace_mirrored(
 
 def _is_flat(diffuse_returns: DiffuseReturns, rays: int, columns: int) -> NDArray[np.bool_]:
     """(hit,) whether the neighbouring rays hit the same object with the same normal."""
-    objects, normals = np.full(rays, -1), np.zeros((rays, 3))
-    objects[diffuse_returns.ray], normals[diffuse_returns.ray] = diffuse_returns.object, diffuse_returns.normal
-    objects, normals = objects.reshape(-1, columns), normals.reshape(-1, columns, 3)
+    hit, towards = np.full(rays, -1), np.zeros((rays, 3))
+    hit[diffuse_returns.ray], towards[diffuse_returns.ray] = diffuse_returns.object, diffuse_returns.normal
+    objects, normals = hit.reshape(-1, columns), towards.reshape(-1, columns, 3)
     flat = np.ones(objects.shape, dtype=np.bool_)
     for one, other in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1])):
         aligned = np.einsum("rci,rci->rc", normals[one], normals[other]) > _MIN_ALIGNMENT
