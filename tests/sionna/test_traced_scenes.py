@@ -123,7 +123,7 @@ def test_a_scene_that_returns_nothing_says_why(radar: Radar):
     far.paths()  # said once
     # In the plane of the plate: facets without a gain.
     edge_on = Simulator("simple_reflector", radar.placed(position=(2.0, 0.1, 0.0), look_at=(0, 0, 0)))
-    with pytest.warns(UserWarning, match=r"nothing of it within the range window .* is seen, 'reflector' at 1.50 m"):
+    with pytest.warns(UserWarning, match=r"'reflector', is 1\.50 m away .* no surface within it is visible"):
         edge_on.adc(0.05)
     Simulator(None, radar).paths()  # free space is meant to be silent
 

@@ -96,7 +96,7 @@ BAD: list[tuple[dict[str, Any], tuple[str, ...]]] = [
     ({"radar_position": (0, 0)}, ("radar_position is (0, 0)", "three finite coordinates")),
     ({"radar_position": (0, 0, float("nan"))}, ("radar_position is",)),
     ({"look_at": "ahead"}, ("look_at is 'ahead'", "three finite coordinates")),
-    ({"radar_position": (3, 0, 1), "look_at": (3, 0, 1)}, ("look_at is (3, 0, 1)", "where the radar stands")),
+    ({"radar_position": (3, 0, 1), "look_at": (3, 0, 1)}, ("look_at is (3, 0, 1)", "the position of the radar")),
     ({"output": "/proc/run.h5"}, ("/proc",)),
     ({"receiver": "nowhere.toml"}, ("receiver file 'nowhere.toml' does not exist",)),
     ({"receiver": {"leakage": {"level_db": 3.0}}}, ("leakage.level_db is 3.0", "-200 … 0")),

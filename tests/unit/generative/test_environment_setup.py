@@ -172,7 +172,7 @@ def test_a_run_in_an_imagined_place(tiny_toml: Path, tmp_path: Path) -> None:
 def test_who_would_stand_behind_an_imagined_wall_is_told(tiny_toml: Path, tmp_path: Path) -> None:
     pytest.importorskip("anny", reason="people need the body model")
     pytest.importorskip("diffusers", reason="the models need it")
-    with pytest.raises(ValueError, match="distance is 9 m: what the imagined bedroom shows hides the person"):
+    with pytest.raises(ValueError, match="distance is 9 m: surroundings of the imagined bedroom hide the person"):
         rfgen.generate(
             "a person stands, at 9 m", environment="a bedroom", radar=tiny_toml, duration=0.05, motion="kinematic",
             refine=False, transmission=True, output=tmp_path / "hidden.h5",
