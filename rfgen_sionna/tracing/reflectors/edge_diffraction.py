@@ -27,16 +27,13 @@ from rfgen_sionna.tracing.reflectors.planar_reflectors import PlanarPart, Planar
 from rfgen_sionna.tracing.reflectors.reflector_shadows import (
     DIRECT_SOURCE,
     ON_EDGE,
-    ImageSource,
-    ShadowTargets,
-    facet_targets,
     image_sources,
     paths_over_edge,
     reflector_pairs,
-    reflector_targets,
     transition_integral,
     triangle_spans,
 )
+from rfgen_sionna.tracing.reflectors.shadow_targets import ImageSource, ShadowTargets, facet_targets, reflector_targets
 from rfgen_sionna.tracing.surface.clip import clip_triangles, triangle_areas
 from rfgen_sionna.tracing.surface.facets import Facets, sum_by_surface
 

@@ -39,8 +39,8 @@ from rfgen_sionna.tracing.reflectors.planar_reflectors import (
     wide_reflectors,
 )
 from rfgen_sionna.tracing.static.actor_shadows import StaticIndirectPaths
+from rfgen_sionna.tracing.static.static_facets import static_facets
 from rfgen_sionna.tracing.static.static_trace import StaticTrace
-from rfgen_sionna.tracing.static.static_visibility import static_facets
 from rfgen_sionna.tracing.surface.clip import triangle_areas
 from rfgen_sionna.tracing.surface.facets import Facets, sum_by_surface
 from rfgen_sionna.tracing.surface.surfaces import Surfaces

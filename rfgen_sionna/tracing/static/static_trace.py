@@ -24,13 +24,8 @@ from rfgen_sionna.tracing.shadows.adaptive_sampling import (
 from rfgen_sionna.tracing.shadows.shadow_cones import BoundingSpheres, bounding_spheres, in_shadow_cones
 from rfgen_sionna.tracing.shadows.silhouettes import FacetLocator, SilhouetteRays, static_silhouettes
 from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
-from rfgen_sionna.tracing.static.static_visibility import (
-    SlabEdgeTransmission,
-    StaticReturns,
-    StaticVisibility,
-    find_visible_facets,
-    max_wavenumber,
-)
+from rfgen_sionna.tracing.static.static_facets import SlabEdgeTransmission, find_visible_facets, max_wavenumber
+from rfgen_sionna.tracing.static.static_visibility import StaticReturns, StaticVisibility
 from rfgen_sionna.tracing.surface.facets import Facets, facet_paths
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 

@@ -18,6 +18,7 @@ from rfgen_sionna.tracing.moving.slab_transmission import SlabTransmission
 from rfgen_sionna.tracing.shadows.adaptive_sampling import SampledVisibility
 from rfgen_sionna.tracing.shadows.shadow_cones import bounding_spheres, in_shadow_cones
 from rfgen_sionna.tracing.static.actor_shadows import StaticIndirectPaths
+from rfgen_sionna.tracing.static.static_facets import SlabEdgeTransmission
 from rfgen_sionna.tracing.static.static_reflections import (
     ReflectionSetup,
     StaticReflections,
@@ -25,7 +26,6 @@ from rfgen_sionna.tracing.static.static_reflections import (
     trace_static_reflections,
 )
 from rfgen_sionna.tracing.static.static_trace import StaticTrace
-from rfgen_sionna.tracing.static.static_visibility import SlabEdgeTransmission
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 from rfgen_sionna.tracing.transmission.slab_footprints import (

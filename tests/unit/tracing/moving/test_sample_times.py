@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.records import knot_weights
-from rfgen_sionna.tracing.moving.sample_times import MARGIN, _mean_phasor, choose_sample_times
+from rfgen_sionna.tracing.moving.representative_faces import _mean_phasor
+from rfgen_sionna.tracing.moving.sample_times import MARGIN, choose_sample_times
 
 FREQUENCY, LENGTH = 77e9, 27.6e-3
 WAVENUMBER = 4 * np.pi * FREQUENCY / SPEED_OF_LIGHT

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from rfgen_sionna.scene.mesh import corner_columns, face_normals
-from rfgen_sionna.tracing.moving.sample_times import _estimated_returns
+from rfgen_sionna.tracing.moving.representative_faces import _estimated_returns
 from rfgen_sionna.tracing.surface.facet_positions import (
     estimate_returns,
     mean_phasor,
