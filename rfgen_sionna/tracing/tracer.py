@@ -19,7 +19,8 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
-from rfgen_sionna.tracing.ghosts.mirrors import Mirror, find_mirrors
+from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
+from rfgen_sionna.tracing.ghosts.mirrors import find_mirrors
 from rfgen_sionna.tracing.integral.slabs import warn_of_late_reflections
 from rfgen_sionna.tracing.moving.indirect_paths import IndirectPaths
 from rfgen_sionna.tracing.moving.knots import Knots, choose_knots

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.tracing.ghosts.mirrors import Mirror
+from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
 from rfgen_sionna.tracing.integral.obliquity import strongest_reflection
 
 SAMPLES = 200

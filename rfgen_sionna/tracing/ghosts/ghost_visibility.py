@@ -12,15 +12,10 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.ghosts.ghost_levels import ON_MIRROR
-from rfgen_sionna.tracing.ghosts.mirrors import Mirror, SecondOrderImage
+from rfgen_sionna.tracing.ghosts.mirror_images import Mirror, SecondOrderImage
 from rfgen_sionna.tracing.shadows.adaptive_sampling import ClippedFacets, clip_by_silhouettes
-from rfgen_sionna.tracing.shadows.mirror_visibility import (
-    MirrorView,
-    MirrorVisibilitySampler,
-    SecondOrderView,
-    mirrored_fraction,
-    visible_to_both,
-)
+from rfgen_sionna.tracing.shadows.mirror_views import MirrorView, SecondOrderView
+from rfgen_sionna.tracing.shadows.mirror_visibility import MirrorVisibilitySampler, mirrored_fraction, visible_to_both
 from rfgen_sionna.tracing.shadows.return_bounds import max_returns
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces

@@ -30,7 +30,7 @@ from rfgen_sionna.tracing.ghosts.image_returns import (
     ImageReturns,
     image_tolerance,
 )
-from rfgen_sionna.tracing.ghosts.mirrors import Mirror, SecondOrderImage
+from rfgen_sionna.tracing.ghosts.mirror_images import Mirror, SecondOrderImage
 from rfgen_sionna.tracing.surface.facets import Facets
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 

@@ -13,7 +13,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.gains.band import BandTracer
-from rfgen_sionna.tracing.ghosts.mirrors import Mirror, SecondOrderImage, Unfolding
+from rfgen_sionna.tracing.ghosts.mirror_images import Mirror, SecondOrderImage, Unfolding
 from rfgen_sionna.tracing.integral.facet import FacetGains, GainBuffer, Nodes, facet_gains, split_by_curvature
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.integral.reflected import MirrorLegs, MirrorPlanes

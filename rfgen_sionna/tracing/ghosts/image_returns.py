@@ -17,7 +17,7 @@ from rfgen_sionna.tracing.gains.band import Expansion
 from rfgen_sionna.tracing.gains.error_estimate import RefinedReturns
 from rfgen_sionna.tracing.gains.expansion import PROBES
 from rfgen_sionna.tracing.ghosts.image_band import ImageBand, MirroredFacets
-from rfgen_sionna.tracing.ghosts.mirrors import Mirror, Unfolding
+from rfgen_sionna.tracing.ghosts.mirror_images import Mirror, Unfolding
 from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.surface.facets import facet_paths, over_time, sum_by_surface
 from rfgen_sionna.tracing.surface.surfaces import Surface, tolerance_groups

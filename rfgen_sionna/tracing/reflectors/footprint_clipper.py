@@ -13,7 +13,7 @@ from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.ghosts.image_band import ImageBand
-from rfgen_sionna.tracing.ghosts.mirrors import Mirror
+from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
 from rfgen_sionna.tracing.reflectors.clipped_footprints import (
     DIRECT,
     ON_PLANE,

@@ -23,7 +23,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.ghosts.image_returns import LEG_COMBINATIONS, Centroids, ImageReturns
-from rfgen_sionna.tracing.ghosts.mirrors import Mirror
+from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
 from rfgen_sionna.tracing.reflectors.clipped_footprints import (
     DIRECT,
     ClippedFootprints,

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.tracing.ghosts.mirrors import FLATNESS, Mirror, coplanar_groups, fresnel_width
+from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
+from rfgen_sionna.tracing.ghosts.mirrors import FLATNESS, coplanar_groups, fresnel_width
 from rfgen_sionna.tracing.reflectors.clipped_footprints import DIRECT
 from rfgen_sionna.tracing.surface.surfaces import Surface
 

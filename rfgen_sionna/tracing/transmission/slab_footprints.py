@@ -15,7 +15,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.ghosts.image_band import ImageBand, MirroredFacets
-from rfgen_sionna.tracing.ghosts.mirrors import Mirror
+from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
 from rfgen_sionna.tracing.integral.facet import Nodes
 from rfgen_sionna.tracing.integral.slabs import (
     NO_SLAB,

@@ -23,7 +23,7 @@ from rfgen_sionna.scene.mesh import unit
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.ghosts.image_band import ImageBand, MirroredFacets
 from rfgen_sionna.tracing.ghosts.image_returns import NO_MIRRORS, Centroids, CutFacets, ImageReturns
-from rfgen_sionna.tracing.ghosts.mirrors import Mirror
+from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
 from rfgen_sionna.tracing.integral.facet import Nodes
 from rfgen_sionna.tracing.integral.slabs import (
     NO_SLAB,
