@@ -54,8 +54,8 @@ def pose_at(trajectory: Callable[[float], Any], t: float, orientation: Vector, o
     place = trajectory(float(t))
     if isinstance(place, (tuple, list)) and len(place) == 2:
         place, orientation = place
-    name = f"trajectory at t = {t} s"
-    return vector(f"{name}: position", place, owner), vector(f"{name}: orientation", orientation, owner)
+    position = vector(f"trajectory: position at t = {t} s", place, owner)
+    return position, vector(f"trajectory: orientation at t = {t} s", orientation, owner)
 
 
 def look_at_angles(position: Vector, target: Vector) -> Vector:
