@@ -159,7 +159,8 @@ def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
     left = np.linalg.norm(most[mine & (visible.weight[facing.chosen] == 0)])
     any_visible = np.linalg.norm((return_estimate * visible.fraction[facing.chosen])[mine])
     assert left > 0
-    assert (left < sight._MAX_EXCESS * sight.CULLED_PER_RTOL * sight.CURVED_FACTOR * rtol * any_visible) == (rounds == 2)
+    allowed = sight._MAX_EXCESS * sight.CULLED_PER_RTOL * sight.CURVED_FACTOR * rtol * any_visible
+    assert (left < allowed) == (rounds == 2)
     assert visible.missed[0] >= left / any_visible * (1 - 1e-9)
 
 
