@@ -15,8 +15,8 @@ from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.ghosts.mirror_images import Mirror, SecondOrderImage, Unfolding
 from rfgen_sionna.tracing.integral.facet import FacetGains, GainBuffer, Nodes, facet_gains, split_by_curvature
+from rfgen_sionna.tracing.integral.mirror_lanes import MirrorLegs, MirrorPlanes
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.integral.reflected import MirrorLegs, MirrorPlanes
 from rfgen_sionna.tracing.surface.facets import Facets
 
 

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
+from rfgen_sionna.tracing.integral.mirror_lanes import MirrorLanes, MirrorLegs, mirror_tables, mirrors_of_lanes
 from rfgen_sionna.tracing.integral.obliquity import Media, dispersion, media_of_lanes, media_tables
 from rfgen_sionna.tracing.integral.quadratic import (
     SlopeOrder,
@@ -37,7 +38,6 @@ from rfgen_sionna.tracing.integral.quadratic import (
     number_of_terms,
     sum_terms,
 )
-from rfgen_sionna.tracing.integral.reflected import MirrorLanes, MirrorLegs, mirror_tables, mirrors_of_lanes
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.integral.slabs import (
     SlabStackLanes,

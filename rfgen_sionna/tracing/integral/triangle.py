@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from rfgen_sionna.tracing.integral.mirror_lanes import MirrorLanes
 from rfgen_sionna.tracing.integral.obliquity import (
     MIN_RELATIVE_STRENGTH,
     Medium,
@@ -13,7 +14,7 @@ from rfgen_sionna.tracing.integral.obliquity import (
     transverse,
 )
 from rfgen_sionna.tracing.integral.quadratic import PathVariation, Quadratic, SlopeOrder, mean_of_three, variation_pairs
-from rfgen_sionna.tracing.integral.reflected import MirrorLanes, ReflectedStrength
+from rfgen_sionna.tracing.integral.reflected import ReflectedStrength
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.integral.slabs import SlabStackLanes
 

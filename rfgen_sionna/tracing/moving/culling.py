@@ -17,12 +17,12 @@ from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.integral.obliquity import strongest_reflection
-from rfgen_sionna.tracing.surface.facet_positions import estimate_returns, off_axis_phase
 from rfgen_sionna.tracing.surface.facets import Facets
+from rfgen_sionna.tracing.surface.return_estimates import estimate_returns, off_axis_phase
 
 CULLED_PER_RTOL, CURVED_FACTOR = 0.2, 2.0
 """Return of omitted facets over that of the surface, both by
-:func:`rfgen_sionna.tracing.surface.facet_positions.estimate_returns`, per unit of the tolerance: flat surfaces return
+:func:`rfgen_sionna.tracing.surface.return_estimates.estimate_returns`, per unit of the tolerance: flat surfaces return
 up to twice the estimate. The second is a factor for curved ones, whose estimates account for curvature."""
 NONREFLECTING = 1e-9
 """Reflection coefficient below which a surface counts as nonreflecting."""

@@ -11,8 +11,8 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.records import knot_weights
 from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
 from rfgen_sionna.scene.mesh import lengths, triangle_centroids
-from rfgen_sionna.tracing.surface.facet_positions import mean_phasor, solid_angles, width_and_distance
 from rfgen_sionna.tracing.surface.resolution import FACET_BULGE, phase_bulge
+from rfgen_sionna.tracing.surface.return_estimates import mean_phasor, solid_angles, width_and_distance
 
 STRONGEST, OTHERS = 500, 250
 """Faces of a mesh whose gains are compared: the strongest ones, and representatives of all others."""

@@ -56,7 +56,7 @@ class Facets:
     gradient_origin: FloatArray | None = field(default=None, kw_only=True)
     """(facet, 3) points [m] of the gain that `pattern_gradient` refers to; None means the centroids."""
     return_estimate: FloatArray | None = field(default=None, kw_only=True)
-    """(facet,) :func:`~rfgen_sionna.tracing.surface.facet_positions.estimate_returns`; None if unknown."""
+    """(facet,) :func:`~rfgen_sionna.tracing.surface.return_estimates.estimate_returns`; None if unknown."""
     return_bound: FloatArray | None = field(default=None, kw_only=True)
     """(facet,) bound of the return of the bent facet."""
     turn: FloatArray | None = field(default=None, kw_only=True)

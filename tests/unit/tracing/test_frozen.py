@@ -14,9 +14,9 @@ from rfgen_sionna.scene import material as material_named
 from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, exact_division, upload
 from rfgen_sionna.tracing.integral import facet
 from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains, split_by_curvature
+from rfgen_sionna.tracing.integral.mirror_lanes import MirrorLegs, MirrorPlanes
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.integral.quadratic import SlopeOrder
-from rfgen_sionna.tracing.integral.reflected import MirrorLegs, MirrorPlanes
 from rfgen_sionna.tracing.integral.slabs import NO_SLAB, SlabStack, SlabStacks, SlabTable
 from rfgen_sionna.tracing.surface import facet_positions as placing
 from rfgen_sionna.tracing.surface.facet_positions import place_facets

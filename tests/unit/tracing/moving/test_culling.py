@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from rfgen_sionna.tracing.moving.culling import cull_weakest
 from rfgen_sionna.tracing.moving.representative_faces import _mean_phasor
-from rfgen_sionna.tracing.surface.facet_positions import estimate_returns, mean_phasor, solid_angles
+from rfgen_sionna.tracing.surface.return_estimates import estimate_returns, mean_phasor, solid_angles
 
 WAVENUMBER = 2 * np.pi / 3.9e-3
 

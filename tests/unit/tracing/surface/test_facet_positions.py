@@ -6,14 +6,14 @@ import trimesh
 
 from rfgen_sionna.scene.mesh import corner_columns, face_normals
 from rfgen_sionna.tracing.moving.representative_faces import _estimated_returns
-from rfgen_sionna.tracing.surface.facet_positions import (
+from rfgen_sionna.tracing.surface.facet_positions import place_facets
+from rfgen_sionna.tracing.surface.resolution import FACET_BULGE
+from rfgen_sionna.tracing.surface.return_estimates import (
     estimate_returns,
     mean_phasor,
-    place_facets,
     solid_angles,
     width_and_distance,
 )
-from rfgen_sionna.tracing.surface.resolution import FACET_BULGE
 from rfgen_sionna.tracing.surface.tessellate import NO_FACETS, Tessellation, tessellate
 
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.3)
