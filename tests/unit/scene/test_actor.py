@@ -79,7 +79,7 @@ def test_a_mesh_without_a_material_is_told_what_there_is():
         ({"name": ""}, ValueError, "name: '' given"),
         ({"orientation": "left"}, ValueError, "crate: orientation"),
         ({"trajectory": 3}, TypeError, "not callable"),
-        ({"trajectory": lambda t: (t, 0)}, ValueError, "trajectory at t = 0.0"),
+        ({"trajectory": lambda t: (t, 0)}, ValueError, "trajectory: position at t = 0.0"),
         ({"trajectory": lambda t: (t, 0, 0), "velocity": (1, 0, 0)}, ValueError, "leave position and velocity out"),
         ({"mesh": (BOX.vertices, np.arange(8).reshape(2, 4))}, MeshError, "crate: faces have shape"),
     ],
