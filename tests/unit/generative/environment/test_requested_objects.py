@@ -331,9 +331,9 @@ def test_drawing_warns_of_what_it_does_not_know(rooms: EnvironmentDiffusion) -> 
         rooms.generate("the woods")
     with pytest.warns(UnknownThingWarning, match="'fridge' names nothing"):
         rooms.generate("a garage", negative="car, fridge, couch")
-    with pytest.warns(AbsentThingWarning, match="a garage with a bed.*none that suits has 'bed'"):
+    with pytest.warns(AbsentThingWarning, match="a garage with a bed.*no suitable layout has 'bed'"):
         rooms.generate("a garage with a bed and a car")
-    with pytest.warns(AbsentThingWarning, match="none that suits shows 'ceiling lamp' in this view"):
+    with pytest.warns(AbsentThingWarning, match="no suitable layout shows 'ceiling lamp' in this view"):
         rooms.generate("a bedroom with a bed and a ceiling lamp", orientation=(0.0, 0.4, 0.0))  # looks down
     # warnings are errors
     rooms.generate("a garage", negative="a car")
@@ -385,7 +385,7 @@ def test_words_that_mean_nothing_are_told() -> None:
     rooms = EnvironmentDiffusion(steps=1)
     with pytest.warns(UnknownWordsWarning, match="'grand piano', '30 m long' names no place"):
         rooms.generate("an office with a grand piano, 30 m long")
-    with pytest.warns(AbsentThingWarning, match="none that suits has 'brick walls'"):
+    with pytest.warns(AbsentThingWarning, match="no suitable layout has 'brick walls'"):
         rooms.generate("an office with brick walls")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
