@@ -334,7 +334,7 @@ def test_a_radar_that_moves_is_told_what_it_gets(
         ("paths", "not completed by path diffusion"),
     ]
     assert "while radar 'tiny' moves" in caplog.text
-    assert "path diffusion, which completes images for a radar that stands, is left out" in caplog.text
+    assert "path diffusion, which needs a static radar, is left out" in caplog.text
     caplog.clear()
     set_up_environment(asked, "diffusion", radar, seed=0, image_options=ImageOptions(refine=False))
     assert "moves" in caplog.text
