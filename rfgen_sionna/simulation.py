@@ -29,11 +29,10 @@ from rfgen_sionna.scene.checks.actors import (
     Policy,
     check_collisions,
     check_places,
-    is_occluded,
     warn_frozen,
-    warn_occluded,
     with_unique_names,
 )
+from rfgen_sionna.scene.checks.occlusion import is_occluded, warn_occluded
 from rfgen_sionna.scene.checks.radar_distance import check_path_clear, check_radar_clear, nearest_surface
 from rfgen_sionna.scene.checks.radar_interior import check_radar_placed
 from rfgen_sionna.scene.devices import tabulated

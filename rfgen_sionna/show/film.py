@@ -17,9 +17,10 @@ from PIL import Image
 
 from rfgen_sionna.dataset import Run, check_output
 from rfgen_sionna.show.page import headline, velocity_limit
-from rfgen_sionna.show.panels import INK, draw_range_doppler
+from rfgen_sionna.show.panels import draw_range_doppler
 from rfgen_sionna.show.run_view import display_range, opened, view_frame
 from rfgen_sionna.show.scene_plot import DecimatedMesh, PlotLimits, draw_scene
+from rfgen_sionna.show.style import INK
 
 Picture = NDArray[np.uint8]
 

@@ -17,6 +17,7 @@ from rfgen_sionna.show import panels
 from rfgen_sionna.show.run_summary import radar_line
 from rfgen_sionna.show.run_view import check_frame, display_range, opened, view_frame, view_run
 from rfgen_sionna.show.scene_plot import DecimatedMesh, PlotLimits, draw_scene
+from rfgen_sionna.show.style import INK, MUTED
 
 
 def sheet(
@@ -95,9 +96,9 @@ def _draw(run: Run, frame: int | None) -> Figure:
     times = rows[2].subgridspec(1, 2)
     panels.draw_range_time(page, page.add_subplot(times[0, 0]), run, whole, far)
     panels.draw_doppler_time(page, page.add_subplot(times[0, 1]), run, whole)
-    page.text(0.008, 0.985, headline(run), fontsize=15, fontweight="bold", color=panels.INK, va="top")
+    page.text(0.008, 0.985, headline(run), fontsize=15, fontweight="bold", color=INK, va="top")
     moment = f"frame {frame} of 0–{len(run) - 1}, {run.frame_times[frame]:.2f} s"
-    page.text(0.992, 0.985, f"{radar_line(run)}\n{moment}", fontsize=8.5, color=panels.MUTED, ha="right", va="top")
+    page.text(0.992, 0.985, f"{radar_line(run)}\n{moment}", fontsize=8.5, color=MUTED, ha="right", va="top")
     return page
 
 

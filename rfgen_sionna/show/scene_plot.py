@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.dataset import ActorRecord, Run
 from rfgen_sionna.processing.pointcloud import PointCloud
-from rfgen_sionna.show.panels import ACCENT, INK, MUTED, VELOCITY_MAP, titled
+from rfgen_sionna.show.panels import ACCENT
+from rfgen_sionna.show.style import INK, MUTED, VELOCITY_MAP, titled
 
 BODY_COLOUR = np.array([0.72, 0.76, 0.81])
 

@@ -36,11 +36,13 @@ from rfgen_sionna.signal.formats.cascade_files import (
     Frames,
     find_frames,
 )
+from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import atomic_files, warn_or_raise, write_json
 from rfgen_sionna.signal.formats.frames import Quantizer, WriteRequest, channel_numbers, complex_lsb, element_order
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, check_json, find_description, periodic_times
-from rfgen_sionna.signal.formats.studio import read_studio, studio_config
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, find_description, periodic_times
+from rfgen_sionna.signal.formats.studio import read_studio
 from rfgen_sionna.signal.formats.studio_chirps import CHECKED_FIELDS, FULL_SCALE, RX_PER_DEVICE
+from rfgen_sionna.signal.formats.studio_export import studio_config
 
 NAME = "cascade"
 MAX_FILE_SIZE = 2047 << 20  # of the TDA2 host [bytes]

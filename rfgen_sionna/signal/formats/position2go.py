@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
+from rfgen_sionna.signal.formats.consistency import check_xml
 from rfgen_sionna.signal.formats.files import atomic_files, companion, data_file, need_file, warn_or_raise, whole_frames
 from rfgen_sionna.signal.formats.frames import Quantizer, WriteRequest, channel_numbers, complex_lsb, element_order
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, check_xml, find_description
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, find_description
 
 NAME = "position2go"
 STANDARD = "position2go.raw"

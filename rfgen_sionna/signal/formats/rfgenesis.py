@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
+from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import (
     atomic_files,
     companion,
@@ -26,7 +27,7 @@ from rfgen_sionna.signal.formats.files import (
     write_json,
 )
 from rfgen_sionna.signal.formats.frames import WriteRequest, frames_of
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, check_json, describe, find_description
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, find_description
 
 NAME = "rfgenesis"
 STANDARD = "radar_frames.npy"

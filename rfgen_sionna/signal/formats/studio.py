@@ -7,7 +7,6 @@ simulate, have mmWave Studio's defaults.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -20,9 +19,6 @@ from rfgen_sionna.signal.formats.sidecar import Description, periodic_times
 from rfgen_sionna.signal.formats.studio_chirps import (
     RX_PER_DEVICE,
     TX_PER_DEVICE,
-    StudioChirp,
-    chirp_tables,
-    chirps_of,
     number,
     read_chirps,
     read_profiles,
@@ -30,109 +26,6 @@ from rfgen_sionna.signal.formats.studio_chirps import (
 )
 
 _FRAME_WAVEFORMS = ("legacyFrameChirp", "singleFrameChirp")
-
-
-def studio_config(radar: Radar, frames: int, devices: int = 1) -> dict[str, Any]:
-    """Content of `.mmwave.json` for `frames` frames of `radar` on one device or on four in cascade; no time of
-    creation."""
-    label = "one device" if devices == 1 else f"a cascade of {devices} devices"
-    tx = channel_numbers(radar.tx_names, "TX", TX_PER_DEVICE * devices, label)
-    rx = channel_numbers(radar.rx_names, "RX", RX_PER_DEVICE * devices, label)
-    chirps, loops = chirps_of(radar.waveform, tx)
-    return {
-        "configGenerator": {"createdBy": "rfgen_sionna", "isConfigIntermediate": 0},
-        "currentVersion": {"jsonCfgVersion": {"major": 0, "minor": 4, "patch": 0}},
-        "systemConfig": {"summary": f"{radar.name}, preset {radar.preset}"},
-        "mmWaveDevices": [_device(radar, frames, place, devices, (chirps, loops), tx, rx) for place in range(devices)],
-        "processingChainConfig": {},
-    }
-
-
-def _device(
-    radar: Radar,
-    frames: int,
-    place: int,
-    devices: int,
-    frame: tuple[Sequence[StudioChirp], int],
-    transmitters: Sequence[int],
-    receivers: Sequence[int],
-) -> dict[str, Any]:
-    wave = radar.waveform
-    chirps, loops = frame
-    cascade = devices > 1
-    first_tx, first_rx = TX_PER_DEVICE * place + 1, RX_PER_DEVICE * place + 1
-    return {
-        "mmWaveDeviceId": place,
-        "rfConfig": {
-            "waveformType": "legacyFrameChirp",
-            "MIMOScheme": {"bpm": "BPM", "ddm": "DDM"}.get(wave.multiplexing, "TDM"),
-            "rlCalibrationDataFile": "",
-            "rlChanCfg_t": {
-                "rxChannelEn": f"0x{_bits([rx - first_rx for rx in receivers], RX_PER_DEVICE):X}",
-                "txChannelEn": f"0x{_bits([tx - first_tx for tx in transmitters], TX_PER_DEVICE):X}",
-                "cascading": 0 if not cascade else 1 if place == 0 else 2,
-                "cascadingPinoutCfg": "0x0",
-            },
-            "rlAdcOutCfg_t": {"fmt": {"b2AdcBits": 2, "b8FullScaleReducFctr": 0, "b2AdcOutFmt": 1}},
-            "rlLowPowerModeCfg_t": {"lpAdcMode": 0},
-            "rlProfiles": [
-                {
-                    "rlProfileCfg_t": {
-                        "profileId": index,
-                        "pfVcoSelect": "0x0",
-                        "pfCalLutUpdate": "0x0",
-                        "startFreqConst_GHz": _scaled(profile.start_frequency, 1e9),
-                        "idleTimeConst_usec": _scaled(profile.idle_time, 1e-6),
-                        "adcStartTimeConst_usec": _scaled(profile.adc_start_time, 1e-6),
-                        "rampEndTime_usec": _scaled(profile.ramp_end_time, 1e-6),
-                        "txOutPowerBackoffCode": "0x0",
-                        "txPhaseShifter": "0x0",
-                        "freqSlopeConst_MHz_usec": _scaled(profile.slope, 1e12),
-                        "txStartTime_usec": 0.0,
-                        "numAdcSamples": wave.num_samples,
-                        "digOutSampleRate": _scaled(profile.sample_rate, 1e3),
-                        "hpfCornerFreq1": 0,
-                        "hpfCornerFreq2": 0,
-                        "rxGain_dB": "0x1E",
-                    }
-                }
-                for index, profile in enumerate(wave.profiles)
-            ],
-            **chirp_tables(chirps, place),
-            "rlFrameCfg_t": {
-                "chirpStartIdx": 0,
-                "chirpEndIdx": len(chirps) - 1,
-                "numLoops": loops,
-                "numFrames": frames,
-                "framePeriodicity_msec": _scaled(wave.frame_period, 1e-3),
-                "triggerSelect": 2 if cascade and place else 1,
-                "frameTriggerDelay": 0.0,
-            },
-        },
-        "rawDataCaptureConfig": {
-            # Interleave 1 is one receiver after the other (LVDS, two lanes); 0 is all receivers of a sample (CSI-2).
-            "rlDevDataFmtCfg_t": {"iqSwapSel": 0, "chInterleave": 0 if cascade else 1},
-            "rlDevDataPathCfg_t": {
-                "intfSel": 0 if cascade else 1,
-                "transferFmtPkt0": "0x1",
-                "transferFmtPkt1": "0x0",
-                "cqConfig": 0,
-                "cq0TransSize": 0,
-                "cq1TransSize": 0,
-                "cq2TransSize": 0,
-            },
-            "rlDevDataPathClkCfg_t": {"laneClkCfg": 1, "dataRate_Mbps": 600},
-        }
-        | (
-            {"rlDevCsi2Cfg_t": {"lanePosPolSel": "0x35421", "lineStartEndDis": 0}}
-            if cascade
-            else {
-                "rlDevLaneEnable_t": {"laneEn": "0x3"},
-                "rlDevLvdsLaneCfg_t": {"laneFmtMap": 0, "laneParamCfg": "0x1"},
-            }
-        ),
-        "monitoringConfig": {},
-    }
 
 
 def setup_config(radar: Radar, data: Path, config: Path) -> dict[str, Any]:
@@ -249,12 +142,3 @@ def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> Description
     frames = int(frame["numFrames"])  # 0 runs until the radar is stopped
     times = periodic_times(frames, radar) if frames else None
     return Description(radar, frame_times=times, iq_swap=bool(raw["rlDevDataFmtCfg_t"]["iqSwapSel"]))
-
-
-def _bits(channels: Sequence[int], count: int) -> int:
-    return sum(1 << channel for channel in channels if 0 <= channel < count)
-
-
-def _scaled(value: float, unit: float) -> float:
-    """`value` in `unit`, without rounding errors of the division."""
-    return float(f"{value / unit:.13g}")

@@ -10,16 +10,9 @@ from PIL import Image
 
 from rfgen_sionna.dataset import OutputError, open_run
 from rfgen_sionna.show import sheet
-from rfgen_sionna.show.panels import (
-    draw_azimuth,
-    draw_doppler_time,
-    draw_pir,
-    draw_range_doppler,
-    draw_range_time,
-    edges,
-    level_limits,
-)
+from rfgen_sionna.show.panels import draw_azimuth, draw_doppler_time, draw_pir, draw_range_doppler, draw_range_time
 from rfgen_sionna.show.run_view import display_range, view_frame, view_run
+from rfgen_sionna.show.style import edges, level_limits
 
 DISTANCE = np.linalg.norm([2.5, 1.0, 0.2])
 

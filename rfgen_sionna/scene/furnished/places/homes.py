@@ -6,7 +6,7 @@ import numpy as np
 
 from rfgen_sionna.scene.furnished.layout import FACING, Item, Plan, Wall, from_item, person_space
 from rfgen_sionna.scene.furnished.piece import Piece, pick
-from rfgen_sionna.scene.furnished.pieces import decor, seating, storage, tables
+from rfgen_sionna.scene.furnished.pieces import decor, seating, shelves, storage, tables
 from rfgen_sionna.scene.furnished.shell import Opening, add_door, add_windows, enclose
 
 
@@ -104,8 +104,8 @@ def living_room(rng: np.random.Generator) -> Plan:
         plan.at_wall(storage.tv_unit(rng))
     for _ in range(int(rng.integers(1, 3))):
         _corner(plan, seating.armchair(rng)) or plan.at_wall(seating.armchair(rng))
-    plan.some(0.9, lambda: storage.bookshelf(rng), plan.at_wall)
-    plan.some(0.5, lambda: storage.bookshelf(rng), plan.at_wall)
+    plan.some(0.9, lambda: shelves.bookshelf(rng), plan.at_wall)
+    plan.some(0.5, lambda: shelves.bookshelf(rng), plan.at_wall)
     plan.some(0.5, lambda: storage.chest(rng, "sideboard"), plan.at_wall)
     if rng.random() < 0.6:
         place_group(plan, dining(rng))
@@ -159,7 +159,7 @@ def bedroom(rng: np.random.Generator) -> Plan:
     plan.at_wall(storage.wardrobe(rng))
     plan.some(0.8, lambda: storage.chest(rng), plan.at_wall)
     plan.some(0.5, lambda: storage.wardrobe(rng), plan.at_wall)
-    plan.some(0.5, lambda: storage.bookshelf(rng), plan.at_wall)
+    plan.some(0.5, lambda: shelves.bookshelf(rng), plan.at_wall)
     plan.some(0.5, lambda: seating.armchair(rng), lambda thing: _corner(plan, thing))
     plan.some(0.5, lambda: decor.rug(rng), lambda rug: _before_bed(plan, rug))
     if rng.random() < 0.35:

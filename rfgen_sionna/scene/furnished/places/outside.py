@@ -7,7 +7,7 @@ import numpy as np
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.furnished.layout import Plan, person_space
 from rfgen_sionna.scene.furnished.piece import Piece, pick
-from rfgen_sionna.scene.furnished.pieces import buildings, outdoors, playing, seating
+from rfgen_sionna.scene.furnished.pieces import buildings, outdoors, playing, seating, vehicles
 from rfgen_sionna.scene.furnished.shapes import box, joined, quad, sheet
 
 GROUND_REACH = 45.0
@@ -57,7 +57,7 @@ def street(rng: np.random.Generator) -> Plan:
         facing = 90.0 if s > 0 else -90.0
         for u in np.arange(x[0] + 2.0, x[1] - 3.0, 5.6):
             if rng.random() < 0.45:
-                one = outdoors.car(rng)
+                one = vehicles.car(rng)
                 plan.put(one, float(u + rng.uniform(-0.4, 0.4)), middle + s * (road / 2 - one.width / 2 - 0.25), facing)
         edge_of_walk, turn = middle + s * (road / 2 + 0.45), 180.0 if s > 0 else 0.0
         for u in np.arange(x[0] + rng.uniform(0, 5), x[1], rng.uniform(9, 14)):
@@ -67,7 +67,7 @@ def street(rng: np.random.Generator) -> Plan:
                 plan.put(outdoors.tree(rng), float(u), edge_of_walk + s * 0.15, float(rng.uniform(0, 360)))
         back = middle + s * (road / 2 + walk - 0.35)
         for _ in range(int(rng.integers(1, 4))):
-            thing = (outdoors.litter_bin, seating.bench, outdoors.bicycle, outdoors.wheelie_bin)[int(rng.integers(4))](
+            thing = (outdoors.litter_bin, seating.bench, vehicles.bicycle, outdoors.wheelie_bin)[int(rng.integers(4))](
                 rng
             )
             turned = turn + 90.0 if thing.kind == "bicycle" else turn

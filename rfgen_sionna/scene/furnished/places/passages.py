@@ -6,7 +6,16 @@ import numpy as np
 
 from rfgen_sionna.scene.furnished.layout import Plan, Wall, person_space
 from rfgen_sionna.scene.furnished.piece import pick
-from rfgen_sionna.scene.furnished.pieces import buildings, decor, outdoors, seating, storage, tables
+from rfgen_sionna.scene.furnished.pieces import (
+    buildings,
+    decor,
+    laboratory,
+    outdoors,
+    seating,
+    shelves,
+    storage,
+    vehicles,
+)
 from rfgen_sionna.scene.furnished.places.homes import add_radiators
 from rfgen_sionna.scene.furnished.shell import Opening, add_windows, enclose
 
@@ -81,17 +90,17 @@ def garage(rng: np.random.Generator) -> Plan:
         ceiling=pick(rng, "bare concrete", "masonry"), skirting=None)  # fmt: skip
     if rng.random() < 0.85:
         for _ in range(8):
-            car = outdoors.car(rng)
+            car = vehicles.car(rng)
             off = side * (1.25 + car.width / 2 + rng.uniform(0.0, 0.4))
             if plan.put(car, rng.uniform(x[0] + 2.5, x[1] - 2.5), off, float(rng.choice([90.0, -90.0]))):
                 break
     for _ in range(int(rng.integers(2, 5))):
-        plan.at_wall(storage.open_shelf(rng, width=float(rng.uniform(0.8, 1.6))))
-    plan.some(0.7, lambda: tables.lab_bench(rng, float(rng.uniform(1.2, 2.0))), plan.at_wall)
+        plan.at_wall(shelves.open_shelf(rng, width=float(rng.uniform(0.8, 1.6))))
+    plan.some(0.7, lambda: laboratory.lab_bench(rng, float(rng.uniform(1.2, 2.0))), plan.at_wall)
     plan.some(0.6, lambda: buildings.tool_wall(rng),
         lambda thing: any(plan.on_wall(thing, w) for w in ("far", "left", "right", "near")))  # fmt: skip
     for _ in range(int(rng.integers(1, 3))):
-        plan.at_wall(outdoors.bicycle(rng), gap=0.1) or _along(plan)
+        plan.at_wall(vehicles.bicycle(rng), gap=0.1) or _along(plan)
     plan.some(0.7, lambda: buildings.tyres(rng), lambda thing: plan.at_wall(thing, gap=0.05))
     plan.some(0.5, lambda: outdoors.wheelie_bin(rng), plan.at_wall)
     plan.some(0.4, lambda: buildings.ladder(rng), lambda thing: plan.at_wall(thing, gap=0.05))
@@ -104,7 +113,7 @@ def garage(rng: np.random.Generator) -> Plan:
 
 def _along(plan: Plan) -> bool:
     """Place a bicycle along a wall."""
-    one = outdoors.bicycle(plan.rng)
+    one = vehicles.bicycle(plan.rng)
     for _ in range(10):
         u = float(plan.rng.uniform(plan.x[0] + 1.0, plan.x[1] - 1.0))
         v = plan.y[0] + 0.4 if plan.rng.random() < 0.5 else plan.y[1] - 0.4

@@ -6,7 +6,7 @@ import numpy as np
 
 from rfgen_sionna.scene.furnished.layout import FACING, Plan, Wall
 from rfgen_sionna.scene.furnished.piece import Piece, pick
-from rfgen_sionna.scene.furnished.pieces import decor, seating, storage, tables
+from rfgen_sionna.scene.furnished.pieces import decor, laboratory, seating, shelves, storage, tables
 from rfgen_sionna.scene.furnished.places.homes import add_radiators, doors_and_windows, room, wall_decoration
 from rfgen_sionna.scene.furnished.shell import enclose
 
@@ -51,7 +51,7 @@ def office(rng: np.random.Generator) -> Plan:
             if plan.group(things, float(x), float(y), float(rng.choice([0.0, 90.0, 180.0, -90.0]))):
                 break
     for _ in range(int(rng.integers(2, 5))):
-        thing = storage.filing_cabinet(rng) if rng.random() < 0.5 else storage.bookshelf(rng)
+        thing = storage.filing_cabinet(rng) if rng.random() < 0.5 else shelves.bookshelf(rng)
         plan.at_wall(thing)
     plan.some(0.5, lambda: storage.cupboard(rng), plan.at_wall)
     if rng.random() < 0.6:
@@ -73,16 +73,16 @@ def lab(rng: np.random.Generator) -> Plan:
     enclose(plan, openings, walls=pick(rng, "plaster", "masonry"), floor=pick(rng, "linoleum", "tiles"),
         ceiling="ceiling", skirting="plastic")  # fmt: skip
     for _ in range(int(rng.integers(3, 6))):
-        bench = plan.at_wall(tables.lab_bench(rng))
+        bench = plan.at_wall(laboratory.lab_bench(rng))
         if bench is not None and rng.random() < 0.8:
             plan.before(seating.stool(rng), bench, 0.06, aside=float(rng.uniform(-0.3, 0.3) * bench.size[0]))
     plan.at_wall(decor.sink(rng))
     if plan.x[1] > 6.4:  # an island behind the person
-        island = tables.lab_bench(rng, rng.uniform(1.4, 2.0))
+        island = laboratory.lab_bench(rng, rng.uniform(1.4, 2.0))
         plan.put(island, rng.uniform(4.9, plan.x[1] - 1.2), rng.uniform(-0.5, 0.5), 90.0)
     for _ in range(int(rng.integers(1, 3))):
         plan.at_wall(storage.cupboard(rng, "cabinet"))
-    plan.some(0.6, lambda: storage.open_shelf(rng), plan.at_wall)
+    plan.some(0.6, lambda: shelves.open_shelf(rng), plan.at_wall)
     for _ in range(2):
         plan.some(0.6, lambda: gas_bottle(rng), lambda thing: plan.at_wall(thing, gap=0.06))
     plan.some(0.5, lambda: decor.waste_bin(rng), plan.at_wall)
@@ -134,7 +134,7 @@ def classroom(rng: np.random.Generator) -> Plan:
                 things.append((chair, u * width, away, 180.0 + rng.uniform(-6, 6)))
             plan.group(things, float(x), float(y), facing + 180.0 if wall == "near" else FACING[wall] + 0.0)
     plan.some(0.8, lambda: storage.cupboard(rng), plan.at_wall)
-    plan.some(0.6, lambda: storage.bookshelf(rng), plan.at_wall)
+    plan.some(0.6, lambda: shelves.bookshelf(rng), plan.at_wall)
     plan.some(0.4, lambda: decor.plant(rng), plan.at_wall)
     plan.some(0.5, lambda: decor.waste_bin(rng), plan.at_wall)
     add_radiators(plan, openings)
