@@ -157,16 +157,17 @@ def canonical_name(name: str) -> str:
     return ALIASES.get(key, key)
 
 
-def material(name: str, *, outside: Outside = "extrapolate", owner: str = "") -> Material:
+def material(name: str, frequency: float | None = None, outside: Outside = "extrapolate", owner: str = "") -> Material:
     """A material of the table.
 
     Args:
         name: a name or alias, with or without Sionna's prefixes.
-        outside: policy at frequencies that the source does not cover.
+        frequency: frequency [Hz] to check against the source; None checks nothing.
+        outside: policy at frequencies that the source does not cover: "raise" is an error, others warn.
         owner: object of the material, for messages.
 
     Raises:
-        MaterialError: unknown name or policy.
+        MaterialError: unknown name or policy, or a `frequency` that is not covered, with "raise".
         TypeError: `name` is no text.
     """
     _check_policy(outside)
@@ -178,7 +179,12 @@ def material(name: str, *, outside: Outside = "extrapolate", owner: str = "") ->
         hint = f", did you mean {close[0]!r}?" if close else ""
         shown = "no material given" if not name.strip() else f"unknown material {name!r}{hint}"
         raise MaterialError(f"{_prefix(owner)}{shown}; {_choices()}")
-    return replace(MATERIALS[key], outside=outside)
+    found = replace(MATERIALS[key], outside=outside)
+    if frequency is not None and outside == "raise":
+        found.check(frequency, owner)
+    elif frequency is not None:
+        warn_uncovered([found], float(frequency), stacklevel=2)
+    return found
 
 
 def _choices() -> str:

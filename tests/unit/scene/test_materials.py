@@ -110,7 +110,7 @@ def test_clamping_holds_permittivity_and_conductivity_of_the_edge():
 
 def test_raising_names_object_material_frequency_and_choices():
     with pytest.raises(MaterialError, match=r"shed: material 'brick' is not defined at 77 GHz.*1-40 GHz.*extrapolate"):
-        material("brick", outside="raise").check(77 * GHZ, "shed")
+        material("brick", 77 * GHZ, outside="raise", owner="shed")
     strict = material("brick", outside="raise")
     assert strict.relative_permittivity(24 * GHZ).real == pytest.approx(3.91)
     with pytest.raises(MaterialError, match="brick"):
@@ -119,7 +119,7 @@ def test_raising_names_object_material_frequency_and_choices():
 
 def test_extrapolating_and_clamping_are_said():
     with pytest.warns(MaterialRangeWarning, match=r"extrapolated to 77 GHz.*brick \(1-40 GHz, 110-330 GHz\)"):
-        warn_uncovered([material("brick")], 77 * GHZ)
+        material("brick", 77 * GHZ)
     with pytest.warns(MaterialRangeWarning, match="clamped to 24 GHz"):
         warn_uncovered([material("floorboard", outside="clamp")], 24 * GHZ)
     warn_uncovered([material("concrete")], 77 * GHZ)  # covered: a warning would be an error here
