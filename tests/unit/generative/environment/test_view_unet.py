@@ -20,6 +20,7 @@ from rfgen_sionna.generative.environment.view_unet import (
 )
 from rfgen_sionna.pir.codec import PirCodec
 from rfgen_sionna.pir.view import View
+from training.environment.view_corpus import mirrored_facts
 
 FACTS = ViewFacts((80.0, 60.0), 1.4, 0.2, -2.1, 0.1)
 EVEN = replace(FACTS, fov_deg=(150.0, 100.0), roll=1.2, projection="equirectangular")
@@ -32,7 +33,7 @@ def channel(distance: np.ndarray) -> np.ndarray:
 
 
 def test_the_token_of_numbers_is_read_back() -> None:
-    views = [FACTS, FACTS.mirrored(), EVEN, EVEN.mirrored()]
+    views = [FACTS, mirrored_facts(FACTS), EVEN, mirrored_facts(EVEN)]
     token = view_tokens(views)[:, 0]
     np.testing.assert_allclose(decode_view_tokens(token), [view.numbers for view in views], atol=1e-5)
     np.testing.assert_allclose(decode_view_tokens(token.bfloat16())[0], FACTS.numbers, atol=0.01)
@@ -68,7 +69,7 @@ def test_maps_are_directions_and_the_ranges_of_floor_and_walls(facts: ViewFacts)
 def test_a_view_has_a_say_once_that_is_learnt_and_a_controlnet_can_be_made(model: EnvironmentModel) -> None:
     unet = model.shape.unet().eval()
     noise = torch.randn(1, 32, 16, 16, generator=torch.Generator().manual_seed(0))
-    here, there = (model.text.embed(["a lab"], [facts]) for facts in (FACTS, FACTS.mirrored()))
+    here, there = (model.text.embed(["a lab"], [facts]) for facts in (FACTS, mirrored_facts(FACTS)))
     here[:, 1:], there[:, 1:] = 0.0, 0.0
     with torch.no_grad():
         upright_view_tokens = unet(noise, 500, here).sample
