@@ -17,8 +17,7 @@ _TEXT = h5py.string_dtype()
 
 def create_run(file: h5py.File, info: RunInfo) -> None:
     """Create everything but labels and PIR, whose shapes are those of the first frame."""
-    radar = info.radar
-    wave = radar.waveform
+    radar, wave = info.radar, info.radar.waveform
     file.attrs.update({
         "Conventions": f"{FORMAT}-{VERSION}", "format": FORMAT, "format_version": VERSION,
         "created": datetime.now(UTC).isoformat(timespec="seconds"), "prompt": info.prompt,
@@ -104,8 +103,7 @@ def create_label(file: h5py.File, name: str, label: Label, shape: tuple[int, ...
 def create_pir(file: h5py.File, pir: Pir) -> None:
     """Create the series of images with the pixels, field of view and projection of `pir`."""
     rows, columns = np.shape(pir.energy)
-    group = file.create_group("pir")
-    group.attrs.update({"fov_deg": pir.fov_deg, "projection": pir.projection})
+    file.create_group("pir").attrs.update({"fov_deg": pir.fov_deg, "projection": pir.projection})
     _scale(file, "pir/channel", list(PIR_CHANNELS), "quantity")
     _scale(file, "pir/row", np.arange(rows), "0 is the top")
     _scale(file, "pir/column", np.arange(columns), "0 is the left side seen from the radar")

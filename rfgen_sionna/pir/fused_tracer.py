@@ -28,7 +28,6 @@ class Refiner(Protocol):
 
     def refine_sequence(self, frames: Sequence[Pir]) -> Sequence[Pir]:
         """Corrected images of the same view and times, consistent over time."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -56,8 +55,7 @@ class FusedTracer:
     Raises
     ------
     ValueError
-        If the tracer has static surfaces, the radar of a refined run moves, or the image has values that no radar
-        receives.
+        If the tracer has static surfaces, the radar of a refined run moves, or the image has impossible values.
     """
 
     def __init__(self, tracer: Tracer, environment: Pir, seed: int, refiner: Refiner | None = None) -> None:
@@ -81,8 +79,7 @@ class FusedTracer:
             return None
         count = 1 + int(np.ceil((stop - start) / KEY_SPACING - 1e-9)) if stop > start else 1
         mixed = self.images(np.linspace(start, stop, count).tolist())
-        refined = list(self._refiner.refine_sequence(mixed))
-        return Refinement(mixed, refined, self._tracer.radar, self._seed)
+        return Refinement(mixed, list(self._refiner.refine_sequence(mixed)), self._tracer.radar, self._seed)
 
     def instant(self, t: float) -> list[RadarPaths]:
         """All paths at `t` [s]: of the actors, of the surroundings, and added by the refiner."""
@@ -129,7 +126,6 @@ class FusedTracer:
 
     @property
     def _unoccluded_share(self) -> FloatArray:
-        """(path,) shares of unoccluded surroundings."""
         return np.ones(len(self.surroundings.pixel))
 
     def _mixed(self, t: float, run: MovingTracer | None = None) -> list[RadarPaths]:

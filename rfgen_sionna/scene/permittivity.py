@@ -43,8 +43,7 @@ def complex_permittivity(model: Permittivity, frequencies: FloatArray, outside: 
 def _nearest(ranges: tuple[Range, ...], frequency: float) -> tuple[int, float]:
     """Index of the range nearest to `frequency` in octaves, and its nearest frequency."""
     edges = [min(max(frequency, low), high) for low, high in ranges]
-    distances = [abs(np.log(edge / frequency)) for edge in edges]
-    best = int(np.argmin(distances))
+    best = int(np.argmin([abs(np.log(edge / frequency)) for edge in edges]))
     return best, edges[best]
 
 
