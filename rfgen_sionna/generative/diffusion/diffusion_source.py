@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rfgen_sionna.generative.diffusion.checkpoint import MotionModel, read_model
-from rfgen_sionna.generative.diffusion.constraints import MotionConstraint, constrained_rows
+from rfgen_sionna.generative.diffusion.constraints import (
+    MotionConstraint,
+    constrained_rows,
+    leg_length,
+    resampled_features,
+)
 from rfgen_sionna.generative.diffusion.drafts import (
     canonical_sentence,
     choose_hand,
@@ -20,7 +25,7 @@ from rfgen_sionna.generative.diffusion.drafts import (
     make_draft,
     sample_pace,
 )
-from rfgen_sionna.generative.diffusion.features import FRAME_RATE, PARTS, arms_of, replace_parts
+from rfgen_sionna.generative.diffusion.features import FRAME_RATE, PARTS, arms_of, recentred, replace_parts
 from rfgen_sionna.generative.diffusion.inpainting import LATEST, drafts_around_constraints, move_back
 from rfgen_sionna.generative.diffusion.motion_sampling import (
     LONGEST,
@@ -32,10 +37,10 @@ from rfgen_sionna.generative.diffusion.motion_sampling import (
     threads_for,
 )
 from rfgen_sionna.generative.diffusion.network import SOURCES
-from rfgen_sionna.generative.diffusion.path_following import LONGER, check_path, follow_path, path_pace
+from rfgen_sionna.generative.diffusion.path_following import LONGER, check_path, follow_motion, follow_path, path_pace
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, LOWER, UPPER, doing
 from rfgen_sionna.generative.diffusion.postprocessing import RATE, to_motion
-from rfgen_sionna.generative.diffusion.root_placement import centre_on_origin, limit_speed, limit_turn_rate
+from rfgen_sionna.generative.diffusion.root_placement import free_placement, limit_speed, move_to_start
 from rfgen_sionna.generative.diffusion.understanding import Understanding, ambiguous_actions, known_reading, understand
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.kinematic import both_hands, check_hand
@@ -255,11 +260,7 @@ class DiffusionSource:
                 said = readings[k]
                 made[k] = replace_parts(made[k], rows, arms_of(said.arms, choose_hand(said.arms, said.hand, seeds[k])))
             for said, request, prompt, features in zip(readings, requests, prompts, made, strict=False):
-                rows = (
-                    centre_on_origin(limit_speed(limit_turn_rate(features)))
-                    if free
-                    else limit_speed(features, untouched)
-                )
+                rows = free_placement(features) if free else limit_speed(features, untouched)
                 motion = to_motion(
                     rows, self.model.hands, skeleton, self.frame_rate, free=free, legs=legs, follow=follow
                 )
@@ -268,6 +269,45 @@ class DiffusionSource:
                     motion = both_hands(motion, hand, still=not said.arms)
                 out.append(replace(motion, prompt=prompt, seed=request.seed, action=request.action))
             return out
+
+    def redo(
+        self,
+        draft: Motion,
+        prompt: str,
+        *,
+        strength: float = 0.95,
+        seed: int = 0,
+        negative: str = "",
+        skeleton: Skeleton | None = None,
+    ) -> Motion:
+        """A variation of a draft: noised to `strength` and resampled. Action, beat, heading and path stay.
+
+        Args:
+            draft: a motion with the body's joints, 1.6 to 8 s.
+            prompt: movement of the draft.
+            strength: noise level (0 .. 1) of the start; little changes below 0.85, and at 1 the path alone stays.
+            seed: of the variation.
+            negative: excluded movement.
+            skeleton: of the person; None takes a mean adult. The path scales with the legs.
+
+        Raises:
+            ValueError: the draft is too short or too long, or a value is out of range.
+        """
+        _check_seed(seed)
+        rows = resampled_features(draft, self.model.hands)
+        if not SHORTEST <= len(rows) <= LONGEST + 1:
+            low, high = SHORTEST / FRAME_RATE, LONGEST / FRAME_RATE
+            raise ValueError(f"draft: {draft.duration:.2f} s long; allowed are {low:g} to {high:g} s")
+        start = recentred(rows)[:LONGEST]
+        with threads_for(1):
+            said = self._settled(self._meaning(prompt, None, "", False), seed, negative, drawn=False)
+            request = self._request(said, seed, negative, len(start), 1.0, False, drafted=False)
+            request = replace(request, draft=start, beat=draft_beat(self.model, request, start))
+            made = replace(self.sampler, strength=strength)(self.model, [request], len(start))[0]
+        scale = (skeleton or MEAN_ADULT).leg_length() / leg_length(draft)
+        follow = partial(follow_motion, other=draft, scale=scale)
+        motion = to_motion(move_to_start(made, rows), self.model.hands, skeleton, self.frame_rate, follow=follow)
+        return replace(motion, prompt=prompt, seed=seed, action=draft.action or said.action)
 
     def _meaning(self, prompt: str, action: str | None, arms: str, on_path: bool) -> Understanding:
         """Reading of a prompt with a known action, or of a walk along a path."""

@@ -71,10 +71,8 @@ def follow_path(motion: Motion, points: FloatArray, duration: float, *, timed: b
         t = np.arange(len(motion.translation)) / motion.frame_rate
         gone = _gone(_own_way(motion))
         needed = float(np.interp(length, gone, t)) if gone[-1] >= length else float(t[-1])
-        faster = replace(motion, frame_rate=motion.frame_rate * needed / duration)
-        motion = resample_motion(faster, motion.frame_rate)
-    count = int(np.floor(duration * motion.frame_rate + 1e-9)) + 1
-    motion = _first(motion, count)
+        motion = resample_motion(replace(motion, frame_rate=motion.frame_rate * needed / duration), motion.frame_rate)
+    motion = _first(motion, int(np.floor(duration * motion.frame_rate + 1e-9)) + 1)
     own = _own_way(motion)
     gone = _gone(own)
     place = gone * (length / max(float(gone[-1]), 1e-9)) / _STEP
@@ -84,12 +82,24 @@ def follow_path(motion: Motion, points: FloatArray, duration: float, *, timed: b
     return _taken(motion, own, at, turn)
 
 
+def follow_motion(motion: Motion, other: Motion, scale: float = 1.0) -> Motion:
+    """The motion along the path and heading of another one, times `scale`, at every time; steps and sway stay."""
+    other = resample_motion(replace(other, translation=scale * other.translation), motion.frame_rate)
+    count = min(len(motion.translation), len(other.translation))
+    motion, other = (_first(each, count) for each in (motion, other))
+    # twist of the pelvis: unlike the heading, it has no flip in a fall
+    facing, wanted = (2 * np.unwrap(np.arctan2(*continuous(m.rotations[:, 0]).T[2:])) for m in (motion, other))
+    turn = _smooth((wanted - facing)[:, None], _STEP_PERIOD * motion.frame_rate)[:, 0]
+    turn -= 2.0 * np.pi * np.round(np.median(turn) / (2.0 * np.pi))
+    return _taken(motion, _own_way(motion), _own_way(other), turn)
+
+
 def _taken(motion: Motion, own: FloatArray, at: FloatArray, turn: FloatArray) -> Motion:
     """The motion with its (frame, 2) path `own` [m] replaced by `at`, turned by (frame,) `turn` [rad]."""
     cos, sin = np.cos(turn), np.sin(turn)
     x, y = (motion.translation[:, :2] - own).T
-    translation = motion.translation.copy()
-    translation[:, :2] = at + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    rotated = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    translation = np.column_stack([at + rotated, motion.translation[:, 2]])
     rotations = motion.rotations.copy()
     rotations[:, 0] = (Rotation.from_euler("z", turn[:, None]) * Rotation.from_quat(rotations[:, 0])).as_quat()
     return replace(motion, rotations=continuous(rotations), translation=translation)
@@ -108,8 +118,7 @@ def _length(points: FloatArray) -> float:
 
 def _rounded(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(step, 2) points every centimetre of the path with rounded corners, and the heading (step,) [rad]."""
-    polyline = _evenly(points)
-    curve = _evenly(_smooth(polyline, _CORNER / _STEP))
+    curve = _evenly(_smooth(_evenly(points), _CORNER / _STEP))
     return curve, gaussian_filter1d(_heading(curve), _TURN / _STEP, mode="nearest")
 
 

@@ -76,6 +76,11 @@ def limit_turn_rate(rows: FloatArray) -> FloatArray:
     return out
 
 
+def free_placement(rows: FloatArray) -> FloatArray:
+    """Feature rows centred on the origin, with a turn rate and speeds that people reach."""
+    return centre_on_origin(limit_speed(limit_turn_rate(rows)))
+
+
 def limit_speed(rows: FloatArray, free: NDArray[np.bool_] | None = None) -> FloatArray:
     """Feature rows with speeds that people reach; jumps between poses are smoothed.
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
 
 from rfgen_sionna.generative.diffusion.constraints import resampled_features
 from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
@@ -16,8 +18,9 @@ from rfgen_sionna.generative.diffusion.drafts import (
 )
 from rfgen_sionna.generative.diffusion.features import joint_positions, recentred
 from rfgen_sionna.generative.diffusion.motion_sampling import CUTOFFS, MotionRequest, MotionSampler
+from rfgen_sionna.generative.motion import MEAN_ADULT
 from rfgen_sionna.generative.motion.skeleton import JOINT
-from training.motion.motion_metrics import rhythm_score
+from training.motion.motion_metrics import foot_slide, rhythm_score
 
 
 @pytest.fixture(scope="module")
@@ -135,3 +138,24 @@ def test_who_holds_a_pose_does_not_tremble(source: DiffusionSource) -> None:
             for s in (source, shaky)
         )
         assert calm < 0.3 * before
+
+
+@pytest.mark.parametrize("strength", [0.3, 0.85, 0.95])
+def test_a_draft_keeps_its_way_over_the_floor(source: DiffusionSource, strength: float) -> None:
+    """Steps are made anew; where somebody is at a time, sway of half a second aside, and which way he faces, stay."""
+    path = [(0.5, 0.2), (3.5, 0.2), (3.5, 2.2)]
+    draft = source.generate("a person walks straight ahead", path=path, duration=5.0, seed=4)
+    made = source.redo(draft, "a person walks", strength=strength, seed=1)
+    n = min(len(draft.translation), len(made.translation))
+    sway = 0.5 * draft.frame_rate
+    gap, own = (
+        gaussian_filter1d(m, sway, axis=0, mode="nearest")
+        for m in (made.translation[:n, :2] - draft.translation[:n, :2], draft.translation[:n, :2])
+    )
+    assert np.ptp(own, axis=0).min() > 1.0
+    assert np.linalg.norm(gap, axis=-1).max() < 0.12
+    ahead = [Rotation.from_quat(m.rotations[:n, 0]).as_matrix()[:, :2, 0] for m in (made, draft)]
+    turned = [np.unwrap(np.arctan2(y, x)) for x, y in (each.T for each in ahead)]
+    assert np.abs(turned[0] - turned[1]).mean() < np.radians(15.0)
+    assert foot_slide(made, MEAN_ADULT) < 0.1
+    assert np.abs(made.rotations - draft.rotations[:n]).max() > 0.01

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.constraints import MotionConstraint, resampled_features
 from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
 from rfgen_sionna.generative.diffusion.features import LOCAL, NUM_FEATURES, PARTS, TURN, encode, joint_positions, turned
 from rfgen_sionna.generative.diffusion.inpainting import LATEST, draft_around
+from rfgen_sionna.generative.diffusion.path_following import follow_motion
 from rfgen_sionna.generative.diffusion.root_placement import limit_speed
 from rfgen_sionna.generative.motion import KinematicSource
 
@@ -83,6 +87,22 @@ def test_a_jump_that_has_been_spread_stays_so_beside_a_wider_one(walk: FloatArra
     rows[80:, 0] += 0.6
     rows[240:, 0] += 3.0
     assert _fastest(limit_speed(rows)) < 9.0
+
+
+def test_who_falls_keeps_facing_his_way() -> None:
+    """Two falls on the back that tremble differently: past the vertical, where somebody faces from above turns over,
+    and nobody spins for it."""
+    stand = KinematicSource(60.0)("standing", 3.0, 1)
+    n = len(stand.translation)
+    tilt = Rotation.from_rotvec(np.linspace(0.0, -1.8, n)[:, None] * [0.0, 1.0, 0.0])
+    falls = []
+    for yaw in 0.05 * np.random.default_rng(0).standard_normal((2, n)):
+        pelvis = Rotation.from_rotvec(yaw[:, None] * [0.0, 0.0, 1.0]) * tilt
+        rotations = np.concatenate([pelvis.as_quat()[:, None], stand.rotations[:, 1:]], axis=1)
+        falls.append(replace(stand, rotations=rotations))
+    moved = follow_motion(*falls)
+    apart = Rotation.from_quat(moved.rotations[:, 0]) * Rotation.from_quat(falls[0].rotations[:, 0]).inv()
+    assert apart.magnitude().max() < 0.2
 
 
 def test_given_poses_begin_a_captured_action_of_eight_seconds() -> None:

@@ -98,6 +98,18 @@ def test_kept_frames_come_out_as_they_are(source: DiffusionSource) -> None:
     assert np.abs(made[40:79, :3] - given[40:79, :3]).max() > 1e-3
 
 
+def test_a_draft_under_full_noise_is_forgotten_and_under_less_it_is_not(source: DiffusionSource) -> None:
+    hands = source.model.hands
+    drafts = [KinematicSource(20.0)(action, 3.0, 1) for action in ("standing", "t_pose")]
+
+    def apart(strength: float) -> float:
+        a, b = (resampled_features(source.redo(d, "a person stands", strength=strength), hands) for d in drafts)
+        arms = list(PARTS["left_arm"])
+        return float(np.abs(a[:, arms] - b[:, arms]).max())
+
+    assert 3.0 * apart(1.0) < apart(0.5)
+
+
 def test_skeletons_scale_the_path(source: DiffusionSource) -> None:
     sizes = {name: 1.2 * getattr(MEAN_ADULT, name) for name in ("offsets", "ankle_height", "heel", "toe_height")}
     tall = replace(MEAN_ADULT, **sizes)

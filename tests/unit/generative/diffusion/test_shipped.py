@@ -261,6 +261,15 @@ def test_motions_keep_limits_and_feet(source: DiffusionSource) -> None:
     assert np.nanmean([foot_slide(m, MEAN_ADULT) for m in motions]) < 0.02
 
 
+def test_a_draft_keeps_its_action(source: DiffusionSource) -> None:
+    draft = KinematicSource(20.0)("left_arm_raised", 4.0, 2)
+    a, b = (source.redo(draft, "a person raises the left arm", strength=0.9, seed=s) for s in (1, 2))
+    assert np.abs(a.rotations - b.rotations).max() > 0.01
+    for made in (a, b):
+        places = joint_positions(resampled_features(made, source.model.hands))
+        assert np.median(places[:, JOINT["left_wrist"], 2] - places[:, JOINT["left_shoulder"], 2]) > 0.2
+
+
 def test_six_seconds_take_about_a_second(source: DiffusionSource) -> None:
     """Of processor time, however many threads PyTorch has been given: 0.4 s on one core of 2024, and where threads wait
     for each other on cores that others use, three and more."""
