@@ -46,7 +46,7 @@ from rfgen_sionna.signal import Receiver, receive
 from rfgen_sionna.signal.noise import check_whole
 from rfgen_sionna.signal.synthesis import check_time, chosen_device
 from rfgen_sionna.tracing.max_bounces import check_max_bounces
-from rfgen_sionna.tracing.relative import relative_objects
+from rfgen_sionna.tracing.relative_scene import relative_objects
 from rfgen_sionna.tracing.report import TraceReport
 from rfgen_sionna.tracing.tracer import Tracer
 

@@ -15,7 +15,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import PathKind, Pir, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.relative import from_world, to_world
+from rfgen_sionna.tracing.relative_scene import from_world, to_world
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

@@ -2,11 +2,11 @@
 
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.pattern import ElementPattern, NamedPattern
+from rfgen_sionna.radar.pattern_table import TablePattern
 from rfgen_sionna.radar.pose import Trajectory
 from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.radar import Radar
 from rfgen_sionna.radar.slots import Slot
-from rfgen_sionna.radar.table import TablePattern
 from rfgen_sionna.radar.waveform import Waveform
 
 __all__ = [

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.radar.table import TablePattern
+from rfgen_sionna.radar.pattern_table import TablePattern
 
 PREFIX = "sionna:"
 """Prefix of the names of patterns in Sionna's registry."""

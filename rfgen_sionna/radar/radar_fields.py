@@ -14,9 +14,9 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import CHIRP, RadarConfigError, check_cut, check_plausible
 from rfgen_sionna.radar.pattern import ElementPattern, NamedPattern, Pattern
+from rfgen_sionna.radar.pattern_table import read_table
 from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.slots import Slot, coded_slots, doppler_slot, hadamard_code, single
-from rfgen_sionna.radar.table import read_table
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.resources import available, resolve
 

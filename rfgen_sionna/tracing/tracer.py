@@ -27,7 +27,7 @@ from rfgen_sionna.tracing.moving.knots import Knots, choose_knots
 from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
 from rfgen_sionna.tracing.moving.sample_times import choose_sample_times
 from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
-from rfgen_sionna.tracing.relative import RelativeObject, relative_objects, to_world
+from rfgen_sionna.tracing.relative_scene import RelativeObject, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
 from rfgen_sionna.tracing.static.actor_shadows import Shadow
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
@@ -82,7 +82,7 @@ class Tracer:
         Static scene; None is free space.
     radar
         Position, elements, band and range window. Directions of a moving radar are in the frame of
-        :mod:`rfgen_sionna.tracing.relative`, except those of :meth:`instant`, which are in the world.
+        :mod:`rfgen_sionna.tracing.relative_scene`, except those of :meth:`instant`, which are in the world.
     actors
         Moving objects.
     rtol

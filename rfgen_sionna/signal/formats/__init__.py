@@ -13,7 +13,7 @@ matlab          MATLAB, version 5, or 7.3 above 2 GB                `.mat`
 
 from rfgen_sionna.signal.formats.api import FORMATS, open_capture, read_capture, write_capture
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport, CaptureWarning
-from rfgen_sionna.signal.formats.studio import radar_from_studio
+from rfgen_sionna.signal.formats.mmwave_studio import radar_from_studio
 
 __all__ = [
     "FORMATS",

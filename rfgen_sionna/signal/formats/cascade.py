@@ -39,10 +39,10 @@ from rfgen_sionna.signal.formats.cascade_files import (
 from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import atomic_files, warn_or_raise, write_json
 from rfgen_sionna.signal.formats.frames import Quantizer, WriteRequest, channel_numbers, complex_lsb, element_order
+from rfgen_sionna.signal.formats.mmwave_studio import read_studio
+from rfgen_sionna.signal.formats.mmwave_studio_chirps import CHECKED_FIELDS, FULL_SCALE, RX_PER_DEVICE
+from rfgen_sionna.signal.formats.mmwave_studio_export import studio_config
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, find_description, periodic_times
-from rfgen_sionna.signal.formats.studio import read_studio
-from rfgen_sionna.signal.formats.studio_chirps import CHECKED_FIELDS, FULL_SCALE, RX_PER_DEVICE
-from rfgen_sionna.signal.formats.studio_export import studio_config
 
 NAME = "cascade"
 MAX_FILE_SIZE = 2047 << 20  # of the TDA2 host [bytes]

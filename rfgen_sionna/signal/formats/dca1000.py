@@ -18,10 +18,10 @@ from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, Cap
 from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import atomic_files, companion, data_file, need_file, whole_frames, write_json
 from rfgen_sionna.signal.formats.frames import Quantizer, WriteRequest, channel_numbers, complex_lsb, element_order
+from rfgen_sionna.signal.formats.mmwave_studio import read_studio, setup_config
+from rfgen_sionna.signal.formats.mmwave_studio_chirps import CHECKED_FIELDS, FULL_SCALE, RX_PER_DEVICE
+from rfgen_sionna.signal.formats.mmwave_studio_export import studio_config
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, find_description
-from rfgen_sionna.signal.formats.studio import read_studio, setup_config
-from rfgen_sionna.signal.formats.studio_chirps import CHECKED_FIELDS, FULL_SCALE, RX_PER_DEVICE
-from rfgen_sionna.signal.formats.studio_export import studio_config
 
 NAME = "dca1000"
 STANDARD = "adc_data.bin"

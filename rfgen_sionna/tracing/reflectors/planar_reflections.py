@@ -5,8 +5,8 @@ other is integrated (physical optics): radar, mirror, facet, radar, and reversed
 between the images of Tx and Rx. Both orders are traced, for reciprocity. Of two planar parts each is the mirror once,
 or the much larger one alone (:func:`~rfgen_sionna.tracing.reflectors.planar_reflectors.mirror_weights`).
 
-For a moving radar the scene moves (:mod:`rfgen_sionna.tracing.relative`): walls are reflectors like any other, and
-ghosts in them, furniture and corners of the room are traced here.
+For a moving radar the scene moves (:mod:`rfgen_sionna.tracing.relative_scene`): walls are reflectors like any other,
+and ghosts in them, furniture and corners of the room are traced here.
 """
 
 from __future__ import annotations

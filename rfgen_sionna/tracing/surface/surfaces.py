@@ -18,7 +18,7 @@ from rfgen_sionna.tracing.surface.smoothing import Smoothing, find_smoothing
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import MeshActor, RadarScene, StaticObject
-    from rfgen_sionna.tracing.relative import RelativeObject
+    from rfgen_sionna.tracing.relative_scene import RelativeObject
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.tracing.curved.array_elements import ArrayElements, band_nodes, fit_over_band
 from rfgen_sionna.tracing.integral.propagation import phasors
 from rfgen_sionna.tracing.reflectors.planar_reflectors import mirror_weight
-from rfgen_sionna.tracing.relative import to_world
+from rfgen_sionna.tracing.relative_scene import to_world
 from rfgen_sionna.tracing.tracer import Tracer
 from rfgen_sionna.tracing.transmission.transmission import MAX_SLABS
 from tests.reference.sbr import lattice

@@ -13,7 +13,7 @@ import pytest
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import ElementPattern, NamedPattern, Radar, TablePattern
 from rfgen_sionna.radar.config import RadarConfigError
-from rfgen_sionna.radar.table import read_table
+from rfgen_sionna.radar.pattern_table import read_table
 
 
 def towards(azimuth_deg: Any, elevation_deg: Any = 0.0) -> FloatArray:

@@ -7,7 +7,7 @@ from typing import Any
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.frames import channel_numbers
-from rfgen_sionna.signal.formats.studio_chirps import (
+from rfgen_sionna.signal.formats.mmwave_studio_chirps import (
     RX_PER_DEVICE,
     TX_PER_DEVICE,
     StudioChirp,

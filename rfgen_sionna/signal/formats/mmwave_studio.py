@@ -15,8 +15,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import CaptureFormatError
 from rfgen_sionna.signal.formats.files import read_json
 from rfgen_sionna.signal.formats.frames import channel_numbers
-from rfgen_sionna.signal.formats.sidecar import Description, periodic_times
-from rfgen_sionna.signal.formats.studio_chirps import (
+from rfgen_sionna.signal.formats.mmwave_studio_chirps import (
     RX_PER_DEVICE,
     TX_PER_DEVICE,
     number,
@@ -24,6 +23,7 @@ from rfgen_sionna.signal.formats.studio_chirps import (
     read_profiles,
     slots_of,
 )
+from rfgen_sionna.signal.formats.sidecar import Description, periodic_times
 
 _FRAME_WAVEFORMS = ("legacyFrameChirp", "singleFrameChirp")
 
