@@ -34,7 +34,6 @@ NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 OUTDOORS = ("street", "playground", "open field")
 
-
 _PLAIN = frozenset((
     "furnished", "indoor", "inside", "interior", "it", "man", "people", "person", "radar", "room", "scene", "seen",
     "sees", "somebody", "someone", "typical", "usual", "view", "where", "woman",
