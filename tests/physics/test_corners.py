@@ -398,6 +398,7 @@ def test_a_body_before_static_plates_hides_what_they_return():
     assert abs(halves / free - 1).max() < 0.1
 
 
+@pytest.mark.slow
 def test_a_box_that_turns_face_after_face_to_the_radar_is_followed():
     """A face comes into view between two instants: the images that tell how many knots delays need stay the same."""
     rate = 10.0
@@ -418,7 +419,7 @@ def test_a_box_that_turns_face_after_face_to_the_radar_is_followed():
     assert abs(run - instant).max() < (GAIN_PER_RTOL + 2) * 1e-2 * abs(instant).max()
 
 
-@pytest.mark.parametrize("size", [0.15, 0.18, 0.3])
+@pytest.mark.parametrize("size", [pytest.param(0.15, marks=SLOW), pytest.param(0.18, marks=SLOW), 0.3])
 def test_a_large_plate_of_an_actor_before_one_that_stays(size):
     """Its corners lie on the mirror or beyond what that shows: what is in between was taken for not shown at all. The
     one that stays is the only mirror, and within 1 dB of dense quadrature, which has either order."""

@@ -74,7 +74,7 @@ def test_patterns_are_those_of_sionna(which, theta_in, theta_out, phi):
     assert float(ours) == pytest.approx(float(np.ravel(truth.numpy())[0]), rel=1e-4, abs=1e-7)
 
 
-@pytest.mark.parametrize("s", [0.3, 0.8])
+@pytest.mark.parametrize("s", [pytest.param(0.3, marks=pytest.mark.slow), 0.8])
 def test_coherent_part_of_a_mirror_loses_what_is_scattered(s):
     """|a|^2 of the coherent part is 1 - S^2 of the smooth plate's: the mean over many seeds leaves it."""
     smooth = channel(Simulator(None, radar(), [plate("metal", size=0.2)]).paths())
@@ -98,7 +98,8 @@ def test_diffuse_level_is_the_lambertian_one():
     assert np.mean(powers) / expected == pytest.approx(1.0, abs=0.25)
 
 
-@pytest.mark.parametrize("polarization", ["V", pytest.param("H", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("polarization", ["V", "H"])
 def test_diffuse_level_is_that_of_the_polarisation(polarization):
     """A concrete plate turned by 1 rad about the vertical, near Brewster's angle: what a wave with the field across the
     plane of incidence, or in it, would have reflected. The two are 10 dB apart."""

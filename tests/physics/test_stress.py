@@ -192,6 +192,7 @@ def test_two_million_triangles():
 # -- materials --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @FEW
 @given(
     permittivity=st.one_of(st.just(1.0), st.floats(0.0, 6.0).map(lambda x: 10.0**x)),

@@ -139,6 +139,7 @@ def test_what_comes_back_within_a_frame_is_not_left_to_two_instants(radar, way):
     assert error < traced.report.time_error + traced.report.error
 
 
+@pytest.mark.slow
 def test_what_was_hidden_at_first_is_not_left_to_two_instants(radar):
     """A screen before a ball is drawn aside: how the ball's facets interfere is not known when it comes out."""
     screen = MeshActor.from_mesh(
@@ -164,6 +165,7 @@ def test_what_was_hidden_at_first_is_not_left_to_two_instants(radar):
     assert whole > 0
 
 
+@pytest.mark.slow
 def test_what_comes_and_goes_between_two_instants_is_stated(radar, monkeypatch):
     """Two instants taken for enough, whatever moves: no more is missed than half of what may change. Nothing is looked
     at from places of pairs, as that is given three."""

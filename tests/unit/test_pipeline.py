@@ -390,6 +390,7 @@ def test_sentences_reach_the_learned_motion(
     assert caplog.text.count(f"taken for the nearest action that is known, '{action}'") == nearest
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:materials extrapolated")
 def test_a_radar_placed_in_a_scene_of_sionna(quick: dict[str, Any]) -> None:
     """The person stands where the radar looks, at the distance, on what is there: the floor of a street at -3 cm."""

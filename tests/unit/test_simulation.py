@@ -374,6 +374,7 @@ def test_a_cube_has_the_frames_that_fit(moving: Any, radar: Any) -> None:
     assert len(moving.frame_times(radar.waveform.frame_length)) == 1
 
 
+@pytest.mark.slow
 def test_samples_do_not_depend_on_what_was_asked_before():
     """To the bit, whatever the tracer learned meanwhile: facets made for one run don't serve the next."""
     ball = rfgen.Actor.from_mesh(
@@ -431,6 +432,7 @@ def test_workers_make_the_samples_of_one(living_room: Any, radar: Any) -> None:
     np.testing.assert_allclose(two.data, one.data, rtol=0, atol=1e-2 * np.abs(one.data).max())
 
 
+@pytest.mark.slow
 @FORKS
 def test_workers_don_t_know_of_one_another_s_frames(radar: Any) -> None:
     """Of a box that comes near, facets are made finer from frame to frame, whoever traced those before; the radar

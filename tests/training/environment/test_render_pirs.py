@@ -170,6 +170,7 @@ def test_data_sets_of_two_seeds_share_no_layout(folder):
     assert other["layout"] not in PirData.open(folder).layout
 
 
+@pytest.mark.slow
 def test_runs_go_on(tmp_path):
     """Whole shards are kept to the byte, a larger count adds to them, a shard cut short is made again."""
     settings = replace(SMALL, places=("corridor",), views=1, resolution=(8, 8))

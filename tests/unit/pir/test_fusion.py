@@ -349,6 +349,7 @@ def test_surroundings_all_around_hide_without_a_seam(radar, direction):
     np.testing.assert_allclose(hidden, [0.0, 1.0], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_what_returns_next_to_nothing_is_in_the_image_all_the_same():
     """At a tolerance of a tenth, of a fine ball of which half lies off the beam."""
     aimed = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))

@@ -104,6 +104,7 @@ def test_every_name_is_that_of_its_kind_alone() -> None:
     assert {*LOOSE} < OTHER_NAMES.keys()
 
 
+@pytest.mark.slow
 def test_names_are_of_all_that_layouts_hold_and_of_nothing_else(text: PlaceEncoder) -> None:
     held = {kind for name in PLACES for seed in range(12) for kind in furnished(name, seed).layout.kinds}
     assert held <= OTHER_NAMES.keys()
