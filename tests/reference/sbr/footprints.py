@@ -119,7 +119,7 @@ def landed(hits: Hits, rows: NDArray[np.intp]) -> Landed:
     folded = ((sides.min(axis=1) < -_EDGE) & (sides.max(axis=1) > _EDGE)).any(axis=1)
     share[np.repeat(folded, 6)] = 0.0
     for mirror in mirrors:
-        share = np.where((mirror.patch == 0).all(axis=(1, 2)), share, 0.0)
+        share = np.where((mirror.curvature == 0).all(axis=(1, 2)), share, 0.0)
     area = share * by_angle + (1.0 - share) * area
     return Landed(
         SlabRoute(tuple(mirrors), point, tuple(tuple(each) for each in legs)),
