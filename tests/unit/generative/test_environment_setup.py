@@ -180,6 +180,7 @@ def test_who_would_stand_behind_an_imagined_wall_is_told(tiny_toml: Path, tmp_pa
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "without", [["--no-environment"], ["--environment", "scene: a living room"]], ids=lambda each: each[-1]
 )
@@ -226,6 +227,7 @@ for name in ("path_diffusion", "confidence_gate", "classifier"):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_models_are_read_once_and_what_they_imagined_is_not_carried_over(
     tiny_toml: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

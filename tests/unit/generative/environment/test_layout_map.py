@@ -245,6 +245,7 @@ def test_walls_are_as_bright_as_what_they_are_made_of() -> None:
         assert FINISHES[finish].material in own, kind
 
 
+@pytest.mark.slow
 def test_a_network_that_says_nothing_draws_a_normal_distribution_about_what_is_expected(
     reader: EnvironmentModel, corpus: ViewCorpus
 ) -> None:
@@ -287,6 +288,7 @@ def test_rooms_are_no_layouts_of_a_data_set_and_leave_space_for_somebody() -> No
     assert here.shape != elsewhere.shape or not np.allclose(here, elsewhere)
 
 
+@pytest.mark.slow
 def test_rooms_show_what_words_name_and_not_what_they_exclude() -> None:
     view = replace(AHEAD, resolution=(64, 64))
     render_layout_map, bare, without = 0, 0, 0
