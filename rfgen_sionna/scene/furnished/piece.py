@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from rfgen_sionna.scene.furnished.shapes import Part, joined, tube
+from rfgen_sionna.scene.furnished.shapes import Part, joined, pipe
 
 Choice = TypeVar("Choice")
 
@@ -63,7 +63,7 @@ def legs(
     found = []
     for x, y in places:
         out = np.array([np.sign(x), np.sign(y)]) * splay
-        found.append(tube([(x + out[0], y + out[1], 0.0), (x, y, height)], [0.7 * radius, radius]).of(finish))
+        found.append(pipe([(x + out[0], y + out[1], 0.0), (x, y, height)], [0.7 * radius, radius]).of(finish))
     return found
 
 

@@ -118,7 +118,7 @@ def lathe(profile: Sequence[tuple[float, float]], sections: int = 14) -> Part:
     return loft(rings)
 
 
-def tube(points: ArrayLike, radius: float | Sequence[float], sides: int = 6) -> Part:
+def pipe(points: ArrayLike, radius: float | Sequence[float], sides: int = 6) -> Part:
     """A round bar along a line through points (point, 3) [m]; one radius, or one for each point."""
     line = np.asarray(points, np.float64)
     radii = np.broadcast_to(np.asarray(radius, np.float64), len(line))

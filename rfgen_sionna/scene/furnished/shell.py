@@ -10,7 +10,7 @@ import numpy as np
 
 from rfgen_sionna.scene.furnished.layout import FACING, Ground, Plan, Wall
 from rfgen_sionna.scene.furnished.piece import merge
-from rfgen_sionna.scene.furnished.shapes import Part, box, cushion, grid_faces, joined, lathe, quad, tube
+from rfgen_sionna.scene.furnished.shapes import Part, box, cushion, grid_faces, joined, lathe, pipe, quad
 
 DOOR_SPACE = 0.75
 """Free space in front of a door [m]."""
@@ -134,7 +134,7 @@ def _fill(rng: np.random.Generator, opening: Opening) -> list[Part]:
         ]
     parts = window_parts(opening)
     if rng.random() < 0.45:
-        parts.append(tube([(a - 0.35, 0.1, top + 0.12), (b + 0.35, 0.1, top + 0.12)], 0.012).of("dark metal"))
+        parts.append(pipe([(a - 0.35, 0.1, top + 0.12), (b + 0.35, 0.1, top + 0.12)], 0.012).of("dark metal"))
         bottom, hung = rng.choice([0.05, max(low - 0.15, 0.05)]), rng.uniform(0.25, 0.45)
         parts += [_curtain(p, hung, float(bottom), top + 0.1).of("curtain") for p in (a - 0.3, b + 0.3 - hung)]
     elif rng.random() < 0.3:
@@ -182,6 +182,6 @@ def _door(rng: np.random.Generator, a: float, b: float, top: float) -> list[Part
     x = a + 0.08
     parts += [
         lathe([(0.026, 0), (0.026, 0.012), (0.0, 0.012)], 12).turned(-90, "x").at(x, -0.012, 1.03).of("metal"),
-        tube([(x, -0.01, 1.03), (x, 0.045, 1.03), (x + 0.11, 0.05, 1.03)], 0.009).of("metal"),
+        pipe([(x, -0.01, 1.03), (x, 0.045, 1.03), (x + 0.11, 0.05, 1.03)], 0.009).of("metal"),
     ]
     return parts

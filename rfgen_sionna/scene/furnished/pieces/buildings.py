@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.scene.furnished.piece import Piece, pick, piece
-from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, joined, lathe, loft, quad, ring, tube
+from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, joined, lathe, loft, pipe, quad, ring
 from rfgen_sionna.scene.furnished.shell import Opening, panel, window_parts
 
 
@@ -47,7 +47,7 @@ def house(rng: np.random.Generator, width: float) -> Piece:
     if rng.random() < 0.7:
         parts.append(block(0.6, 0.6, rise + 0.7, rng.uniform(-0.3, 0.3) * width, -0.15 * depth,
             height + 0.1).of("brickwork"))  # fmt: skip
-    parts.append(tube([(x - 0.1, y + 0.07, 0), (x - 0.1, y + 0.07, height)], 0.045, 6).of("metal"))
+    parts.append(pipe([(x - 0.1, y + 0.07, 0), (x - 0.1, y + 0.07, height)], 0.045, 6).of("metal"))
     return piece("house", parts, (width, depth))
 
 
@@ -90,7 +90,7 @@ def wall_bench(rng: np.random.Generator) -> Piece:
 def extinguisher(rng: np.random.Generator) -> Piece:
     z = rng.uniform(0.7, 1.0)
     return piece("fire extinguisher", [lathe([(0.07, 0), (0.075, 0.03), (0.075, 0.4), (0.03, 0.47), (0.0, 0.47)],
-        14).at(0, 0, z).of("painted metal"), tube([(0, 0, z + 0.46), (0.0, 0.05, z + 0.54), (0.09, 0.05, z + 0.45),
+        14).at(0, 0, z).of("painted metal"), pipe([(0, 0, z + 0.46), (0.0, 0.05, z + 0.54), (0.09, 0.05, z + 0.45),
         (0.09, 0.03, z + 0.15)], 0.014, 5).of("rubber"),
         block(0.12, 0.03, 0.1, 0, -0.08, z + 0.3).of("metal")])  # fmt: skip
 
@@ -124,10 +124,10 @@ def tool_wall(rng: np.random.Generator) -> Piece:
             long = rng.uniform(0.15, 0.3)
             tool = int(rng.integers(3))
             if tool == 0:
-                parts.append(tube([(x, 0.02, top), (x, 0.02, top - long)], 0.01, 5).of("metal"))
+                parts.append(pipe([(x, 0.02, top), (x, 0.02, top - long)], 0.01, 5).of("metal"))
                 parts.append(block(0.05, 0.02, 0.04, x, 0.02, top - 0.03).of("metal"))
             elif tool == 1:
-                parts.append(tube([(x, 0.025, top), (x, 0.025, top - long)], 0.013, 5).of("wood"))
+                parts.append(pipe([(x, 0.025, top), (x, 0.025, top - long)], 0.013, 5).of("wood"))
                 parts.append(block(0.11, 0.03, 0.035, x, 0.025, top - 0.03).of("dark metal"))
             else:
                 parts.append(quad([(x + 0.05, 0.016, top - 0.3), (x - 0.02, 0.016, top - 0.3), (x - 0.05, 0.016, top),
@@ -140,8 +140,8 @@ def ladder(rng: np.random.Generator) -> Piece:
     h, spread = rng.uniform(1.4, 2.1), 0.5
     parts: list[Part] = []
     for s in (-1, 1):
-        parts.append(tube([(s * 0.25, spread, 0), (s * 0.18, 0, h)], 0.02).of("metal"))
-        parts.append(tube([(s * 0.25, -spread, 0), (s * 0.18, 0, h)], 0.016).of("metal"))
+        parts.append(pipe([(s * 0.25, spread, 0), (s * 0.18, 0, h)], 0.02).of("metal"))
+        parts.append(pipe([(s * 0.25, -spread, 0), (s * 0.18, 0, h)], 0.016).of("metal"))
     for t in np.arange(0.15, 0.98, 0.25 / h):
         parts.append(block(2 * (0.25 - 0.07 * t), 0.08, 0.025, 0, spread * (1 - t), t * h).of("metal"))
     return piece("ladder", parts)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.scene.furnished.piece import Piece, pick, piece
-from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, grid_faces, lathe, leaves, tube
+from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, grid_faces, lathe, leaves, pipe
 
 
 def floor_lamp(rng: np.random.Generator) -> Piece:
     h, r = rng.uniform(1.4, 1.75), rng.uniform(0.17, 0.24)
     foot = lathe([(0.14, 0), (0.14, 0.02), (0.02, 0.03), (0.0, 0.03)], 16).of("dark metal")
-    pole = tube([(0, 0, 0.02), (0, 0, h - 0.05)], 0.012).of("dark metal")
+    pole = pipe([(0, 0, 0.02), (0, 0, h - 0.05)], 0.012).of("dark metal")
     shade = lathe([(0.0, h - 0.3), (r, h - 0.3), (0.7 * r, h), (0.0, h)], 18).of("curtain")
     return piece("floor lamp", [foot, pole, shade])
 
@@ -37,7 +37,7 @@ def plant(rng: np.random.Generator) -> Piece:
         stem = np.array([0.0, 0.0, 0.8 * pot_height])
         for _ in range(int(rng.integers(3, 6))):
             tip = np.array([*rng.normal(0, 0.12, 2), rng.uniform(0.65, 0.9) * tall])
-            parts.append(tube([stem, 0.5 * (stem + tip) + (0.02, 0, 0), tip], [0.012, 0.009, 0.005], 5).of("bark"))
+            parts.append(pipe([stem, 0.5 * (stem + tip) + (0.02, 0, 0), tip], [0.012, 0.009, 0.005], 5).of("bark"))
             around = tip + rng.uniform(-0.2, 0.2, (26, 3)) * (1, 1, 1.2)
             parts.append(leaves(around, 0.11, rng).of("leaf"))
     wide = 2 * max(float(np.abs(part.points[:, :2]).max()) for part in parts)
@@ -72,7 +72,7 @@ def radiator(rng: np.random.Generator) -> Piece:
         cushion((0.045, 0.09, h), 0.018, cells=2).at(x, 0.0, 0.13 + h / 2)
         for x in np.arange(-width / 2, width / 2, 0.065)
     ]
-    bars = [tube([(-width / 2 - 0.06, 0, z), (width / 2 + 0.02, 0, z)], 0.016) for z in (0.17, 0.09 + h)]
+    bars = [pipe([(-width / 2 - 0.06, 0, z), (width / 2 + 0.02, 0, z)], 0.016) for z in (0.17, 0.09 + h)]
     return piece("radiator", [part.of("metal") for part in [*ribs, *bars]])
 
 
@@ -82,7 +82,7 @@ def ceiling_lamp(rng: np.random.Generator, height: float) -> Piece:
     z = height - drop
     shade = lathe([(0.0, 0.02), (r, 0.0), (0.75 * r, 0.45 * r), (0.05, 0.7 * r), (0.0, 0.7 * r)], 18)
     return piece("ceiling lamp", [
-        tube([(0, 0, z + 0.5 * r), (0, 0, height - 0.001)], 0.008, 5).of("plastic"),
+        pipe([(0, 0, z + 0.5 * r), (0, 0, height - 0.001)], 0.008, 5).of("plastic"),
         lathe([(0.05, 0), (0.05, 0.025), (0.0, 0.025)], 12).at(z=height - 0.026).of("white plastic"),
         shade.at(z=z).of(pick(rng, "curtain", "white plastic", "metal")),
     ])  # fmt: skip
@@ -115,11 +115,11 @@ def waste_bin(rng: np.random.Generator) -> Piece:
 def coat_rack(rng: np.random.Generator) -> Piece:
     """A stand with hooks and a coat or two."""
     h = rng.uniform(1.65, 1.85)
-    parts = [tube([(0, 0, 0.03), (0, 0, h)], 0.018).of("wood")]
+    parts = [pipe([(0, 0, 0.03), (0, 0, h)], 0.018).of("wood")]
     for a in np.arange(4) * np.pi / 2 + 0.4:
         c, s = np.cos(a), np.sin(a)
-        parts.append(tube([(0, 0, 0.16), (0.26 * c, 0.26 * s, 0.0)], 0.014).of("wood"))
-        parts.append(tube([(0, 0, h - 0.14), (0.12 * c, 0.12 * s, h - 0.12), (0.15 * c, 0.15 * s, h - 0.03)], 0.01,
+        parts.append(pipe([(0, 0, 0.16), (0.26 * c, 0.26 * s, 0.0)], 0.014).of("wood"))
+        parts.append(pipe([(0, 0, h - 0.14), (0.12 * c, 0.12 * s, h - 0.12), (0.15 * c, 0.15 * s, h - 0.03)], 0.01,
             5).of("wood"))  # fmt: skip
     for a in rng.uniform(0, 2 * np.pi, int(rng.integers(1, 3))):
         coat = cushion((0.42, 0.14, 0.95), 0.06, 0.02).at(0, 0.15, h - 0.62)
@@ -138,7 +138,7 @@ def sink(rng: np.random.Generator) -> Piece:
     basin = [(0.04, -0.16), (0.13, -0.15), (r, 0.0), (r + 0.012, 0.004), (r - 0.006, -0.005), (0.12, -0.14),
         (0.0, -0.15)]  # fmt: skip
     parts.append(lathe(basin, 18).at(z=h).of("metal"))
-    parts.append(tube([(0, -0.23, h), (0, -0.23, h + 0.25), (0, -0.16, h + 0.29), (0, -0.08, h + 0.22)],
+    parts.append(pipe([(0, -0.23, h), (0, -0.23, h + 0.25), (0, -0.16, h + 0.29), (0, -0.08, h + 0.22)],
         0.013).of("metal"))  # fmt: skip
     for s in (-1, 1):
         x = s * width / 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.scene.furnished.piece import Piece, piece
-from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, lathe, tube
+from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, lathe, pipe
 
 
 def lab_bench(rng: np.random.Generator, width: float | None = None) -> Piece:
@@ -59,8 +59,8 @@ def supply(rng: np.random.Generator) -> list[Part]:
 
 
 def microscope(rng: np.random.Generator) -> list[Part]:
-    return [block(0.18, 0.24, 0.035).of("white plastic"), tube([(0, -0.08, 0.03), (0, -0.1, 0.25), (0, -0.02, 0.34)],
-        0.028).of("white plastic"), tube([(0, 0.02, 0.16), (0, 0.0, 0.3), (0, 0.12, 0.42)], [0.018, 0.028, 0.02],
+    return [block(0.18, 0.24, 0.035).of("white plastic"), pipe([(0, -0.08, 0.03), (0, -0.1, 0.25), (0, -0.02, 0.34)],
+        0.028).of("white plastic"), pipe([(0, 0.02, 0.16), (0, 0.0, 0.3), (0, 0.12, 0.42)], [0.018, 0.028, 0.02],
         8).of("dark metal"), block(0.13, 0.13, 0.015, 0, 0.03, 0.12).of("dark metal")]  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from rfgen_sionna.scene.furnished.shapes import (
     leaves,
     loft,
     lump,
-    tube,
+    pipe,
 )
 
 
@@ -23,21 +23,21 @@ def tree(rng: np.random.Generator) -> Piece:
     """A trunk that forks into boughs, with crowns of leaves, or a conifer."""
     tall, r = rng.uniform(4.0, 8.0), rng.uniform(0.12, 0.28)
     if rng.random() < 0.25:
-        parts = [tube([(0, 0, 0), (0, 0, 0.9 * tall)], [r, 0.2 * r], 8).of("bark")]
+        parts = [pipe([(0, 0, 0), (0, 0, 0.9 * tall)], [r, 0.2 * r], 8).of("bark")]
         height = 0.12 + 0.88 * rng.random(1100) ** 1.4
         angle, out = rng.uniform(0, 2 * np.pi, 1100), 0.22 * tall * (1.02 - height) * np.sqrt(rng.random(1100))
         places = np.stack([out * np.cos(angle), out * np.sin(angle), tall * height], -1)
         return piece("tree", [*parts, leaves(places, 0.16, rng).of("leaf")], (4 * r, 4 * r))
     fork = rng.uniform(0.32, 0.45) * tall
     bend = rng.normal(0, 0.1, 2)
-    parts = [tube([(0, 0, 0), (0, 0, 0.15), (0.5 * bend[0], 0.5 * bend[1], 0.6 * fork), (*bend, fork)],
+    parts = [pipe([(0, 0, 0), (0, 0, 0.15), (0.5 * bend[0], 0.5 * bend[1], 0.6 * fork), (*bend, fork)],
         [1.5 * r, 1.05 * r, 0.9 * r, 0.75 * r], 9).of("bark")]  # fmt: skip
     count = int(rng.integers(4, 7))
     for a in 2 * np.pi * np.arange(count) / count + rng.uniform(0, 0.8, count):
         reach = rng.uniform(0.12, 0.24) * tall
         tip = np.array([bend[0] + reach * np.cos(a), bend[1] + reach * np.sin(a), rng.uniform(0.62, 0.9) * tall])
         middle = 0.5 * (tip + (*bend, fork)) + (0, 0, -0.05 * tall)
-        parts.append(tube([(*bend, 0.97 * fork), middle, tip], [0.5 * r, 0.35 * r, 0.12 * r], 6).of("bark"))
+        parts.append(pipe([(*bend, 0.97 * fork), middle, tip], [0.5 * r, 0.35 * r, 0.12 * r], 6).of("bark"))
         size = rng.uniform(0.13, 0.2) * tall
         cloud = rng.normal(size=(260, 3))
         cloud *= (size * rng.random(260) ** 0.4 / np.linalg.norm(cloud, axis=1))[:, None]
@@ -69,7 +69,7 @@ def hedge(rng: np.random.Generator, length: float) -> Piece:
 def lamp_post(rng: np.random.Generator) -> Piece:
     h, arm = rng.uniform(4.0, 6.5), rng.uniform(0.6, 1.3)
     parts = [lathe([(0.13, 0), (0.12, 0.35), (0.07, 0.4), (0.0, 0.4)], 10).of("dark metal"),
-        tube([(0, 0, 0.3), (0, 0, h - 0.4), (0, 0.25 * arm, h - 0.05), (0, arm, h)], [0.07, 0.05, 0.045, 0.04],
+        pipe([(0, 0, 0.3), (0, 0, h - 0.4), (0, 0.25 * arm, h - 0.05), (0, arm, h)], [0.07, 0.05, 0.045, 0.04],
         8).of("dark metal"), cushion((0.22, 0.55, 0.1), 0.04).at(0, arm + 0.15, h - 0.02).of("dark metal")]  # fmt: skip
     return piece("lamp post", parts, (0.3, 0.3))
 
@@ -79,7 +79,7 @@ def sign(rng: np.random.Generator) -> Piece:
     h = rng.uniform(2.2, 2.6)
     sides = int(rng.choice([3, 8, 24]))
     plate = lathe([(0.32, 0), (0.32, 0.012), (0.0, 0.012)], sides).turned(-90, "x").turned(90 if sides == 3 else 0, "y")
-    return piece("traffic sign", [tube([(0, 0, 0), (0, 0, h + 0.25)], 0.032, 8).of("metal"),
+    return piece("traffic sign", [pipe([(0, 0, 0), (0, 0, h + 0.25)], 0.032, 8).of("metal"),
         plate.at(0, 0.034, h).of("metal")], (0.3, 0.3))  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def litter_bin(rng: np.random.Generator) -> Piece:
     r = rng.uniform(0.2, 0.26)
     return piece("litter bin", [lathe([(0.9 * r, 0.05), (r, 0.1), (r, 0.75), (0.92 * r, 0.75), (0.9 * r, 0.6),
         (0.0, 0.6)], 16).of("dark metal"), lathe([(1.05 * r, 0.88), (0.6 * r, 0.98), (0.0, 1.0)], 16).of("dark metal"),
-        *[tube([(0.9 * r * c, 0, 0), (0.9 * r * c, 0, 0.9)], 0.015, 5).of("dark metal") for c in (-1, 1)]])  # fmt: skip
+        *[pipe([(0.9 * r * c, 0, 0), (0.9 * r * c, 0, 0.9)], 0.015, 5).of("dark metal") for c in (-1, 1)]])  # fmt: skip
 
 
 def wheelie_bin(rng: np.random.Generator) -> Piece:
@@ -97,7 +97,7 @@ def wheelie_bin(rng: np.random.Generator) -> Piece:
     parts = [body.of("plastic"), box((-0.3, -0.36, 0.95), (0.3, 0.34, 1.03)).of("plastic")]
     parts += [lathe([(0.1, -0.03), (0.1, 0.03), (0.0, 0.03)],
         12).turned(90, "y").at(s * 0.26, -0.26, 0.1).of("rubber") for s in (-1, 1)]  # fmt: skip
-    parts.append(tube([(-0.22, -0.38, 0.98), (0.22, -0.38, 0.98)], 0.015).of("plastic"))
+    parts.append(pipe([(-0.22, -0.38, 0.98), (0.22, -0.38, 0.98)], 0.015).of("plastic"))
     return piece("dustbin", parts)
 
 

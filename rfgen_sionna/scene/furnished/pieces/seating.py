@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.scene.furnished.piece import Piece, corners, legs, pick, piece
-from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, lathe, tube
+from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, lathe, pipe
 
 
 def upholstered(rng: np.random.Generator, places: int, cover: str, arm: float, each: float, depth: float) -> list[Part]:
@@ -62,9 +62,9 @@ def chair(rng: np.random.Generator, style: str = "") -> Piece:
     w, d, h = rng.uniform(0.40, 0.46), rng.uniform(0.42, 0.48), rng.uniform(0.44, 0.47)
     top = rng.uniform(0.82, 0.98)
     x, y = w / 2 - 0.025, d / 2 - 0.025
-    parts = [tube([(s * x, y, 0), (s * x, y, h - 0.02)], [0.014, 0.019]).of(wood) for s in (-1, 1)]
+    parts = [pipe([(s * x, y, 0), (s * x, y, h - 0.02)], [0.014, 0.019]).of(wood) for s in (-1, 1)]
     if style == "shell":
-        parts += [tube([(s * x, -y, 0), (s * x, -y, h - 0.02)], [0.012, 0.016]).of(wood) for s in (-1, 1)]
+        parts += [pipe([(s * x, -y, 0), (s * x, -y, h - 0.02)], [0.012, 0.016]).of(wood) for s in (-1, 1)]
         parts.append(cushion((w, d, 0.035), 0.015).at(z=h).of("white plastic"))
         parts.append(
             cushion((w, 0.03, top - h - 0.08), 0.014)
@@ -74,7 +74,7 @@ def chair(rng: np.random.Generator, style: str = "") -> Piece:
         )
         return piece("chair", parts)
     lean = 0.06
-    parts += [tube([(s * x, -y, 0), (s * x, -y, h), (s * x, -y - lean, top)],
+    parts += [pipe([(s * x, -y, 0), (s * x, -y, h), (s * x, -y - lean, top)],
         [0.014, 0.02, 0.015]).of(wood) for s in (-1, 1)]  # fmt: skip
     parts.append(cushion((w, d, 0.03), 0.012).at(z=h - 0.005).of(wood))
     if style == "padded":
@@ -85,28 +85,28 @@ def chair(rng: np.random.Generator, style: str = "") -> Piece:
     else:
         parts.append(block(2 * x, 0.022, 0.07, 0, -y - 0.9 * lean, top - 0.08).of(wood))
         for s in np.linspace(-0.6, 0.6, 4):
-            parts.append(tube([(s * x, -y, h), (s * x, -y - 0.85 * lean, top - 0.06)], 0.009, 5).of(wood))
+            parts.append(pipe([(s * x, -y, h), (s * x, -y - 0.85 * lean, top - 0.06)], 0.009, 5).of(wood))
     for s in (-1, 1):
-        parts.append(tube([(s * x, -y, 0.2), (s * x, y, 0.2)], 0.01, 5).of(wood))
+        parts.append(pipe([(s * x, -y, 0.2), (s * x, y, 0.2)], 0.01, 5).of(wood))
     return piece("chair", parts)
 
 
 def office_chair(rng: np.random.Generator) -> Piece:
     """Five feet on castors, a gas spring, a padded seat and back, arm rests."""
     h, top = rng.uniform(0.44, 0.52), rng.uniform(0.95, 1.15)
-    parts = [tube([(0, 0, 0.08), (0, 0, h - 0.06)], [0.03, 0.022], 8).of("dark metal")]
+    parts = [pipe([(0, 0, 0.08), (0, 0, h - 0.06)], [0.03, 0.022], 8).of("dark metal")]
     for a in 2 * np.pi * np.arange(5) / 5 + rng.uniform(0, 1):
         tip = 0.29 * np.cos(a), 0.29 * np.sin(a)
-        parts.append(tube([(0, 0, 0.1), (*tip, 0.07)], [0.025, 0.016]).of("plastic"))
+        parts.append(pipe([(0, 0, 0.1), (*tip, 0.07)], [0.025, 0.016]).of("plastic"))
         parts.append(cushion((0.05, 0.05, 0.055), 0.02, cells=2).at(*tip, 0.0275).of("rubber"))
     parts.append(cushion((0.49, 0.48, 0.09), 0.04, 0.012).at(z=h).of("fabric"))
     tall = top - h - 0.12
     parts.append(
         cushion((0.46, 0.07, tall), 0.032, 0.012).turned(8, "x").at(y=-0.24, z=h + 0.14 + tall / 2).of("fabric")
     )
-    parts.append(tube([(0, -0.12, h - 0.03), (0, -0.3, h), (0, -0.28, h + 0.3)], 0.02).of("plastic"))
+    parts.append(pipe([(0, -0.12, h - 0.03), (0, -0.3, h), (0, -0.28, h + 0.3)], 0.02).of("plastic"))
     for s in (-1, 1):
-        parts.append(tube([(s * 0.22, -0.02, h - 0.02), (s * 0.28, -0.02, h), (s * 0.28, -0.02, h + 0.19)],
+        parts.append(pipe([(s * 0.22, -0.02, h - 0.02), (s * 0.28, -0.02, h), (s * 0.28, -0.02, h + 0.19)],
             0.014).of("plastic"))  # fmt: skip
         parts.append(cushion((0.06, 0.26, 0.03), 0.012, cells=2).at(s * 0.28, 0.0, h + 0.2).of("plastic"))
     return piece("office chair", parts)
@@ -115,7 +115,7 @@ def office_chair(rng: np.random.Generator) -> Piece:
 def stool(rng: np.random.Generator) -> Piece:
     h = rng.uniform(0.45, 0.65)
     top = lathe([(0.0, h - 0.04), (0.16, h - 0.04), (0.18, h - 0.02), (0.17, h), (0.0, h + 0.005)]).of("plastic")
-    feet = [tube([(0.22 * np.cos(a), 0.22 * np.sin(a), 0), (0.1 * np.cos(a), 0.1 * np.sin(a), h - 0.03)],
+    feet = [pipe([(0.22 * np.cos(a), 0.22 * np.sin(a), 0), (0.1 * np.cos(a), 0.1 * np.sin(a), h - 0.03)],
         0.013).of("metal") for a in 2 * np.pi * np.arange(4) / 4 + 0.4]  # fmt: skip
     return piece("stool", [top, *feet])
 
@@ -128,10 +128,10 @@ def bench(rng: np.random.Generator) -> Piece:
         parts.append(box((-width / 2, -0.017, -0.045),
             (width / 2, 0.017, 0.045)).turned(14, "x").at(0, y, z).of("wood"))  # fmt: skip
     for x in (-0.4 * width, 0.4 * width):
-        parts.append(tube([(x, 0.2, 0), (x, 0.17, h - 0.05), (x, -0.2, h - 0.05), (x, -0.32, 0.88)],
+        parts.append(pipe([(x, 0.2, 0), (x, 0.17, h - 0.05), (x, -0.2, h - 0.05), (x, -0.32, 0.88)],
             0.022).of("dark metal"))  # fmt: skip
-        parts.append(tube([(x, -0.22, 0), (x, -0.17, h - 0.05)], 0.022).of("dark metal"))
-        parts.append(tube([(x, 0.19, h - 0.05), (x, 0.2, 0.63), (x, -0.25, 0.66)], 0.016).of("dark metal"))
+        parts.append(pipe([(x, -0.22, 0), (x, -0.17, h - 0.05)], 0.022).of("dark metal"))
+        parts.append(pipe([(x, 0.19, h - 0.05), (x, 0.2, 0.63), (x, -0.25, 0.66)], 0.016).of("dark metal"))
     return piece("bench", parts)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.scene.furnished.piece import Piece, corners, legs, pick, piece
-from rfgen_sionna.scene.furnished.shapes import block, box, cushion, lathe, tube
+from rfgen_sionna.scene.furnished.shapes import block, box, cushion, lathe, pipe
 
 
 def wardrobe(rng: np.random.Generator) -> Piece:
@@ -23,7 +23,7 @@ def wardrobe(rng: np.random.Generator) -> Piece:
             parts.append(box((x - each / 2 + 0.06, depth / 2 - 0.01, 0.3), (x + each / 2 - 0.06, depth / 2 - 0.001,
                 height - 0.2)).of("screen"))  # fmt: skip
         side = 1 if i % 2 == 0 else -1
-        parts.append(tube([(x + side * (each / 2 - 0.05), depth / 2 + 0.02, z) for z in (0.95, 1.2)], 0.009,
+        parts.append(pipe([(x + side * (each / 2 - 0.05), depth / 2 + 0.02, z) for z in (0.95, 1.2)], 0.009,
             5).of("metal"))  # fmt: skip
     return piece("wardrobe", parts)
 
@@ -80,7 +80,7 @@ def cupboard(rng: np.random.Generator, kind: str = "cupboard") -> Piece:
     parts = [box((-width / 2, -depth / 2, 0.03), (width / 2, depth / 2 - 0.02, height)).of(finish)]
     for s in (-1, 1):
         parts.append(block(width / 2 - 0.01, 0.02, height - 0.1, s * width / 4, depth / 2 - 0.01, 0.07).of(finish))
-        parts.append(tube([(s * 0.05, depth / 2 + 0.025, z) for z in (0.95, 1.15)], 0.01, 5).of("dark metal"))
+        parts.append(pipe([(s * 0.05, depth / 2 + 0.025, z) for z in (0.95, 1.15)], 0.01, 5).of("dark metal"))
     return piece(kind, parts)
 
 
@@ -102,7 +102,7 @@ def tv_unit(rng: np.random.Generator) -> Piece:
         box((-screen / 2 + 0.015, y + 0.015, z + 0.015), (screen / 2 - 0.015, y + 0.0245,
         z + tall - 0.015)).of("screen")]  # fmt: skip
     for s in (-0.3, 0.3):
-        parts.append(tube([(s * screen, y + 0.11, h + 0.008), (s * screen, y, z + 0.02),
+        parts.append(pipe([(s * screen, y + 0.11, h + 0.008), (s * screen, y, z + 0.02),
             (s * screen, y - 0.11, h + 0.008)], 0.012, 5).of("plastic"))  # fmt: skip
     if rng.random() < 0.5:
         parts.append(cushion((0.75, 0.09, 0.07), 0.02, cells=2).at(0, depth / 2 - 0.1, h + 0.036).of("plastic"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna.scene.furnished.piece import Piece, corners, legs, pick, piece
-from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, lathe, tube
+from rfgen_sionna.scene.furnished.shapes import Part, block, box, cushion, lathe, pipe
 
 
 def dining_table(rng: np.random.Generator) -> Piece:
@@ -58,7 +58,7 @@ def monitor(rng: np.random.Generator) -> list[Part]:
     height, z = 0.58 * width, rng.uniform(0.1, 0.16)
     return [cushion((width, 0.035, height), 0.01, cells=2).at(z=z + height / 2).of("plastic"),
         box((-width / 2 + 0.012, 0.012, z + 0.012), (width / 2 - 0.012, 0.0195, z + height - 0.012)).of("screen"),
-        tube([(0, -0.02, 0.01), (0, -0.03, z + 0.1)], 0.02).of("plastic"),
+        pipe([(0, -0.02, 0.01), (0, -0.03, z + 0.1)], 0.02).of("plastic"),
         block(0.24, 0.18, 0.012, 0, -0.01).of("plastic")]  # fmt: skip
 
 
@@ -114,7 +114,7 @@ def desk_lamp() -> list[Part]:
     """A lamp with a bent arm."""
     shade = lathe([(0.07, 0), (0.03, 0.09), (0.0, 0.1)], 10).turned(40, "y").at(0.13, 0.06, 0.36)
     return [lathe([(0.07, 0), (0.07, 0.015), (0.0, 0.02)], 12).of("dark metal"),
-        tube([(0, 0, 0.01), (-0.05, 0, 0.25), (0.14, 0.06, 0.44)], 0.008, 5).of("dark metal"),
+        pipe([(0, 0, 0.01), (-0.05, 0, 0.25), (0.14, 0.06, 0.44)], 0.008, 5).of("dark metal"),
         shade.of("dark metal")]  # fmt: skip
 
 

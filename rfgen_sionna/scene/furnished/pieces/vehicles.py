@@ -13,8 +13,8 @@ from rfgen_sionna.scene.furnished.shapes import (
     lathe,
     loft,
     mirrored,
+    pipe,
     ring,
-    tube,
 )
 
 
@@ -73,7 +73,7 @@ def _cabin(outline: list[tuple[float, float]], width: float, paint: str) -> list
         lower, upper = np.array([s * wl, 0, 0]), np.array([s * wh, 0, 0])
         for y0, y1 in ((ya, yb), (yd, yc), (0.55 * ya + 0.45 * yd, 0.5 * (yb + yc))):
             z0 = za if y0 == ya else zd
-            parts.append(tube([lower + (0, y0, z0 - 0.02), upper + (0, y1, zb - 0.05)], 0.035, 6).of(paint))
+            parts.append(pipe([lower + (0, y0, z0 - 0.02), upper + (0, y1, zb - 0.05)], 0.035, 6).of(paint))
     return parts
 
 
@@ -97,7 +97,7 @@ def bicycle(rng: np.random.Generator) -> Piece:
         parts.append(ring(r - 0.02, 0.02, 26).turned(90, "y").at(*hub).of("rubber"))
         parts.append(ring(r - 0.045, 0.009, 26, 5).turned(90, "y").at(*hub).of("metal"))
         for a in 2 * np.pi * np.arange(10) / 10:
-            parts.append(tube([hub, hub + (0, (r - 0.05) * np.cos(a), (r - 0.05) * np.sin(a))], 0.0025, 3).of("metal"))
+            parts.append(pipe([hub, hub + (0, (r - 0.05) * np.cos(a), (r - 0.05) * np.sin(a))], 0.0025, 3).of("metal"))
     for a, b in (
         (crank, seat),
         (crank, head),
@@ -106,15 +106,15 @@ def bicycle(rng: np.random.Generator) -> Piece:
         (seat - (0, 0, 0.08), back),
         (head, front),
     ):
-        parts.append(tube([a, b], 0.015).of(steel))
-    parts.append(tube([seat - (0, 0, 0.05), seat + (0, -0.03, 0.1)], 0.013).of("metal"))
+        parts.append(pipe([a, b], 0.015).of(steel))
+    parts.append(pipe([seat - (0, 0, 0.05), seat + (0, -0.03, 0.1)], 0.013).of("metal"))
     parts.append(cushion((0.15, 0.26, 0.06), 0.028).at(*(seat + (0, -0.02, 0.13))).of("leather"))
     bar = head + (0, -0.02, 0.17)
-    parts.append(tube([head, bar], 0.013).of("metal"))
-    parts.append(tube([bar + (-0.29, -0.12, 0), bar + (-0.2, 0, 0.02), bar + (0.2, 0, 0.02), bar + (0.29, -0.12, 0)],
+    parts.append(pipe([head, bar], 0.013).of("metal"))
+    parts.append(pipe([bar + (-0.29, -0.12, 0), bar + (-0.2, 0, 0.02), bar + (0.2, 0, 0.02), bar + (0.29, -0.12, 0)],
         0.012).of("metal"))  # fmt: skip
     for s in (-1, 1):
-        parts.append(tube([crank, crank + (s * 0.06, 0, 0), crank + (s * 0.08, s * 0.12, s * 0.12)], 0.009,
+        parts.append(pipe([crank, crank + (s * 0.06, 0, 0), crank + (s * 0.08, s * 0.12, s * 0.12)], 0.009,
             5).of("metal"))  # fmt: skip
         parts.append(block(0.09, 0.09, 0.025, s * 0.12, crank[1] + s * 0.12, crank[2] + s * 0.12).of("plastic"))
     parts.append(lathe([(0.09, 0), (0.09, 0.01), (0.0, 0.01)], 16).turned(90, "y").at(0.02, *crank[1:]).of("metal"))

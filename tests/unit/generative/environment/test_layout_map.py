@@ -28,7 +28,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.furnished.finishes import FINISHES
 from rfgen_sionna.scene.furnished.piece import corners, legs
-from rfgen_sionna.scene.furnished.shapes import block, joined, leaves, tube
+from rfgen_sionna.scene.furnished.shapes import block, joined, leaves, pipe
 from training.environment.fits import brightness_offsets, fit_conditional_prior
 from training.environment.pir_data import PLACES, PirData
 from training.environment.render import render
@@ -103,7 +103,7 @@ def test_a_table_is_built_of_a_top_and_four_legs() -> None:
 
 
 def test_a_tilted_bar_is_one_slim_brick_and_a_heap_of_leaves_one_crown() -> None:
-    bar = tube([(0.0, 0.0, 0.0), (1.0, 0.5, 1.2)], 0.02)
+    bar = pipe([(0.0, 0.0, 0.0), (1.0, 0.5, 1.2)], 0.02)
     slim = fit_primitives(bar.points, bar.faces, np.eye(3))
     assert len(slim) == 1
     assert slim.volume < 2.0 * np.linalg.norm([1.0, 0.5, 1.2]) * 0.04**2

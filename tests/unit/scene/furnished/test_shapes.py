@@ -20,8 +20,8 @@ CLOSED = {
     "ball": (shapes.ball(1.0, 8), 4 / 3 * np.pi, 0.05),
     "cylinder": (shapes.lathe([(1, 0), (1, 2)], 64), 2 * np.pi, 0.01),
     "cone": (shapes.lathe([(1, 0), (0, 1)], 64), np.pi / 3, 0.01),
-    "tube": (shapes.tube([(0, 0, 0), (0, 0, 1), (0, 0, 2)], 0.1, 32), 2 * np.pi * 0.01, 0.01),
-    "bent tube": (shapes.tube([(0, 0, 0), (1, 0, 0.2), (2, 1, 0)], 0.1, 12), 2.43 * np.pi * 0.01, 0.1),
+    "pipe": (shapes.pipe([(0, 0, 0), (0, 0, 1), (0, 0, 2)], 0.1, 32), 2 * np.pi * 0.01, 0.01),
+    "bent tube": (shapes.pipe([(0, 0, 0), (1, 0, 0.2), (2, 1, 0)], 0.1, 12), 2.43 * np.pi * 0.01, 0.1),
     "ring": (shapes.ring(1.0, 0.1, 48, 16), 2 * np.pi**2 * 0.01, 0.04),
     "lump": (shapes.lump((1, 1, 1), np.random.default_rng(0), 0.0, 8), np.pi / 6, 0.05),
     "mirrored": (shapes.mirrored(shapes.box((0, 0, 0), (1, 2, 3))), 6.0, 1e-12),
@@ -35,7 +35,7 @@ def test_volume(name):
     assert volume(part) == pytest.approx(expected, rel=tolerance)
 
 
-@pytest.mark.parametrize("name", ["box", "cushion", "ball", "tube", "ring", "lump", "cylinder"])
+@pytest.mark.parametrize("name", ["box", "cushion", "ball", "pipe", "ring", "lump", "cylinder"])
 def test_neighbouring_faces_agree(name):
     check_mesh(CLOSED[name][0].points, CLOSED[name][0].faces, name)
 
