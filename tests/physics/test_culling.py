@@ -81,7 +81,7 @@ def test_nothing_is_left_out_at_fine_tolerances(radar, monkeypatch):
     assert (error, share) == (0.0, 1.0)
 
 
-@pytest.mark.parametrize("rtol", [0.1, 1e-2])
+@pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
 @pytest.mark.parametrize("material", ["foam", "half a wavelength of plastic"])
 def test_what_hardly_reflects_where_it_mirrors_the_radar(radar, rtol, material, monkeypatch):
     """Aslant it reflects all the more: nothing of it is taken for faint that is not."""
@@ -96,7 +96,7 @@ def test_what_hardly_reflects_where_it_mirrors_the_radar(radar, rtol, material, 
     assert error < stated
 
 
-@pytest.mark.parametrize("rtol", [0.1, 1e-2])
+@pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
 @pytest.mark.parametrize("turn", [0.2, 0.5])
 def test_of_what_cancels_less_is_left_out(radar, rtol, turn, monkeypatch):
     """A box that lies aslant returns little of what its facets do: the error stated is not that of the facets."""
@@ -107,7 +107,7 @@ def test_of_what_cancels_less_is_left_out(radar, rtol, turn, monkeypatch):
     assert error < stated < 2 * rtol
 
 
-@pytest.mark.parametrize("rtol", [0.1, 1e-2])
+@pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
 def test_a_wide_array_sees_facets_from_other_sides(radar, rtol, monkeypatch):
     """Elements spread over 2 m: what is faint in the middle may mirror the outermost pair."""
     tx, rx = radar.tx_positions.copy(), radar.rx_positions.copy()
@@ -126,7 +126,7 @@ def test_a_wide_array_sees_facets_from_other_sides(radar, rtol, monkeypatch):
     assert np.sqrt((np.abs(some - whole) ** 2).mean(axis=1)).max() < 0.5 * rtol * level
 
 
-@pytest.mark.parametrize("rtol", [0.1, 1e-2])
+@pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
 def test_what_mirrors_the_radar_is_hidden(radar, rtol, monkeypatch):
     """A disc before the body hides all but its rim, which is faint beside what would be seen without it: none of the
     rim is left out by what is hidden."""

@@ -76,8 +76,8 @@ def test_true_error_stays_under_the_stated_one(seed, rtol):
     assert error < report.error <= rtol
 
 
-@pytest.mark.parametrize("rtol", [1e-2, 1e-3])
-@pytest.mark.parametrize("seed", [1, 3, 6])
+@pytest.mark.parametrize("rtol", [1e-2, pytest.param(1e-3, marks=SLOW)])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=SLOW) for seed in (3, 6))])
 def test_it_holds_for_what_comes_back_across_its_polarisation(seed, rtol):
     """A tilted box between elements of V and H, 13 to 71 dB below what comes back to like ones: most of that is for Tx
     and Rx not being in one place, which must not be taken for nothing."""
@@ -120,7 +120,7 @@ def test_a_weak_actor_beside_strong_ones_returns_what_it_does_alone(rtol):
     assert Simulator(None, radar, [weak, strong], rtol=rtol).tracer.trace(0.0, 0.0).report.error < rtol
 
 
-@pytest.mark.parametrize("rtol", [1e-3, 1e-4])
+@pytest.mark.parametrize("rtol", [1e-3, pytest.param(1e-4, marks=SLOW)])
 def test_it_holds_for_pairs_in_the_middle_of_the_array(rtol):
     """Near by, where gains change much from pair to pair: what goes through the outermost ones may stray between."""
     radar = Radar.load(
@@ -138,7 +138,7 @@ SLOW = pytest.mark.slow
 
 
 @pytest.mark.parametrize("rtol", [1e-2, pytest.param(1e-3, marks=SLOW)])
-@pytest.mark.parametrize("seed", [0, 19, *(pytest.param(seed, marks=SLOW) for seed in (*range(1, 12), 22, 32))])
+@pytest.mark.parametrize("seed", [19, *(pytest.param(seed, marks=SLOW) for seed in (*range(12), 22, 32))])
 def test_the_same_holds_for_what_is_round_and_near(seed, rtol):
     """Eggs of 2 to 10 cm at 0.2 to 0.5 m, of 320 facets that turn by 10 to 60 degrees from one to the next.
 
