@@ -13,6 +13,8 @@ from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.surface.smoothing import find_smoothing
 from tests.reference.physical_optics import po_gain
 
+SLOW = pytest.mark.slow
+
 
 def channel(paths, tx, rx, u):
     """Coherent sum of one element pair at the place u = -1 … 1 of the band."""
@@ -132,9 +134,6 @@ def test_it_holds_for_pairs_in_the_middle_of_the_array(rtol):
     pairs = [(0, 1), (1, 2), (2, 1), (2, 2)]
     error, report = errors(actor, radar, rtol, lambda *place: po_gain(corners, *place, n=150), pairs)
     assert error < report.error <= rtol
-
-
-SLOW = pytest.mark.slow
 
 
 @pytest.mark.parametrize("rtol", [1e-2, pytest.param(1e-3, marks=SLOW)])
