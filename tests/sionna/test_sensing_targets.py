@@ -329,7 +329,7 @@ def test_what_cannot_be_a_target_is_refused(rt):
         rfgen.add_actor(scene, actor, t="a")
     with pytest.raises(TypeError, match=r"actor is a NoneType: give an rfgen_sionna\.Actor"):
         rfgen.add_actor(scene, None)
-    with pytest.raises(TypeError, match=r"scene: NoneType given, a scene of rfgen_sionna\.scene\.load_scene"):
+    with pytest.raises(TypeError, match=r"scene: NoneType given, a RadarScene or a sionna\.rt\.Scene is needed"):
         rfgen.add_actor(None, actor)
     with pytest.raises(TypeError, match="name is a int: give a text or None"):
         rfgen.add_actor(scene, actor, name=3)
