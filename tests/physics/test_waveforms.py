@@ -199,7 +199,7 @@ def test_a_constant_frequency_tells_speeds_alone(velocity):
     assert abs(maps.velocity[peak] - velocity) < 0.1 * radar.velocity_resolution
     found = find_directions(maps.spectrum[peak, :, :, 0][None], radar, maps.velocity[[peak]])
     assert abs(np.sin(found.azimuth[0]) - direction(17)[1]) < 0.1 * cells(radar)[0]
-    with pytest.raises(ValueError, match="tells no ranges"):
+    with pytest.raises(ValueError, match="points have no ranges"):
         point_cloud(cube, radar)
     spectrogram = micro_doppler(cube[None], radar, static=True)
     assert abs(spectrogram.velocity[spectrogram.power.sum(axis=0).argmax()] - velocity) < 2 * radar.velocity_resolution
