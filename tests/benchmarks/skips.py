@@ -33,9 +33,9 @@ from rfgen_sionna.tracing.shadows import adaptive_sampling as sampling
 from rfgen_sionna.tracing.shadows import mirror_visibility as visibility
 from rfgen_sionna.tracing.shadows import visible_polygons as shadow_lines
 from rfgen_sionna.tracing.shadows.lattices import points_of
+from rfgen_sionna.tracing.static import static_facets
 from rfgen_sionna.tracing.static import static_reflections as static_bounces
 from rfgen_sionna.tracing.static import static_trace as static
-from rfgen_sionna.tracing.static import static_visibility
 from rfgen_sionna.tracing.surface import tessellate
 from rfgen_sionna.tracing.transmission import transmission as veils
 from tests.benchmarks.measuring import default_rtol, timed
@@ -147,7 +147,7 @@ _EVERYWHERE = (tessellate, "required_splits", _as_in_the_beam)
 _BEHIND = (static, "in_shadow_cones", _everything)
 _FACING = (tracer, "collect_surfaces", _open_surfaces)
 _PAIRS = (gains, "MONOSTATIC", 0.0)
-_RAYS = tuple((module, "sample_visibility", _all_rays) for module in (sight, static, static_visibility))
+_RAYS = tuple((module, "sample_visibility", _all_rays) for module in (sight, static, static_facets))
 _ENERGY = ((ghosts, "OMITTED_SHARE", 0.0), (bounces, "OMITTED_SHARE", 0.0), (static_bounces, "OMITTED_SHARE", 0.0))
 _FAINT = (sight, "CULLED_PER_RTOL", 0.0)
 _PAIR = (instants, "PAIR_SPACING", 0.0)

@@ -47,7 +47,7 @@ from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
 MIN_REFLECTOR_WIDTH = 1.0
 """Least width of a planar reflector [wavelengths]; narrower parts count as curved."""
-SKIPPED_SHARE = 0.5
+OMITTED_SHARE = 0.5
 """Share of the tolerance below which a pair or triple of surfaces is left out."""
 NEGLIGIBLE = 0.2
 """Share of the tolerance that the facets left out of the others may make up together."""
@@ -113,7 +113,7 @@ def trace_static_reflections(
     wide = wide_reflectors(planar_parts, reflectors, points, view, radar.wavelength, radar.max_range)
     if not possible or len(facets) == 0:
         return None
-    allowed = SKIPPED_SHARE * rtol * static.level
+    allowed = OMITTED_SHARE * rtol * static.level
     own = owner[facets.number]
     order = np.argsort(own, kind="stable")
     starts = np.searchsorted(own[order], np.arange(-1, len(planar_parts) + 1))
