@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Adc:
-    """Word length and range of the converters for I and Q of each receiver.
+    """Word length and range of the converters of each receiver: one each for I and Q, or one for real samples.
 
     Raises
     ------
@@ -21,10 +21,15 @@ class Adc:
     """Bits of one word, sign included, 2 … 24."""
     full_scale_dbm: float | None = None
     """Input power of a complex tone that fills the converter [dBm], -150 … 60; None adapts it to the signal."""
+    real: bool = False
+    """Whether a receiver has one mixer and one converter. Its samples are real, sqrt(2) Re(s) of the complex ones s:
+    the mean square of a beat is the received power [W], as that of |s|. Beat frequencies reach half the sample rate."""
 
     def __post_init__(self) -> None:
         if isinstance(self.bits, bool) or not isinstance(self.bits, int) or not 2 <= self.bits <= 24:
             raise ValueError(f"adc.bits is {self.bits!r}: a whole number in 2 … 24 is needed")
+        if not isinstance(self.real, (bool, np.bool_)):
+            raise ValueError(f"adc.real is {self.real!r}: True (one converter) or False (I and Q) is needed")
         level = self.full_scale_dbm
         if level is None:
             return

@@ -107,7 +107,7 @@ _SCHEMA: dict[str, dict[str, _Types]] = {
     | _keys((list,), "azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db"),
     "transmitter": {"power_dbm": _NUMBER, "frequency_range_hz": (list,), "phase_step_deg": _NUMBER},
     "receiver": _keys(_NUMBER, "noise_figure_db", "temperature_k"),
-    "adc": {"bits": (int,), "full_scale_dbm": (*_NUMBER, str)},
+    "adc": {"bits": (int,), "full_scale_dbm": (*_NUMBER, str), "real": (bool,)},
     "preset": CHIRP
     | {"num_samples": (int,), "num_loops": (int,), "tx_order": (list,), "frame_period_s": _NUMBER}
     | {"multiplexing": (str,), "bpm_code": (list,), "doppler_bands": (int,)}
@@ -125,6 +125,7 @@ _OPTIONAL: dict[str, set[str]] = {
     "array": {"design_frequency_hz", *_POSITIONS["tx"], *_POSITIONS["rx"], *_POLARIZATIONS},
     "pattern": {"kind", "file", *_CUTS},
     "transmitter": {"phase_step_deg"},
+    "adc": {"real"},
     "preset": {*CHIRP, "tx_order", "multiplexing", "bpm_code", "doppler_bands", "profile", "slot", "max_range_m"},
     "slot": {"profile", "phase_deg", "advance_deg"},
 }
@@ -139,7 +140,7 @@ _ITEMS: dict[str, _Types] = (
 
 
 def _check_value(value: Any, wanted: tuple[type, ...], what: str) -> None:
-    if not isinstance(value, wanted) or isinstance(value, bool):
+    if not isinstance(value, wanted) or (isinstance(value, bool) and bool not in wanted):
         raise RadarConfigError(f"{what} is {value!r}; {' or '.join(t.__name__ for t in wanted)} is needed")
     if isinstance(value, float) and not math.isfinite(value):  # TOML allows nan and inf
         raise RadarConfigError(f"{what} is {value!r}; a finite number is needed")

@@ -221,9 +221,15 @@ class Radar:
         return self.waveform.range_resolution
 
     @property
+    def range_window(self) -> float:
+        """Largest range whose beat frequency the ADC takes [m]: the waveform's, half of it with real samples."""
+        return self.waveform.range_window * (0.5 if self.adc.real else 1.0)
+
+    @property
     def max_range(self) -> float:
-        """Largest range [m]."""
-        return self.waveform.max_range
+        """Lesser of `range_window` and the waveform's `range_limit` [m]."""
+        limit = self.waveform.range_limit
+        return self.range_window if limit is None else min(limit, self.range_window)
 
     @property
     def velocity_resolution(self) -> float:
@@ -260,6 +266,8 @@ class Radar:
         wave = self.waveform.of_profile(number)
         if wave is self.waveform:
             return self
+        if not wave.slope:  # a constant frequency has no window of its own
+            wave = replace(wave, range_limit=self.max_range)
         used = self.waveform.profile_tx(number)
         return replace(
             self,
@@ -282,7 +290,7 @@ class Radar:
         for name in ("tx_positions", "rx_positions"):
             record[name] = record[name].tolist()
         record |= {"waveform": waveform_record(self.waveform), "pattern": pattern_record(self.pattern)}
-        record["adc"] = asdict(self.adc)
+        record["adc"] = {key: value for key, value in asdict(self.adc).items() if key != "real" or value}
         if self.trajectory is None:
             return record
         if not isinstance(self.trajectory, Trajectory):

@@ -77,7 +77,9 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
         "tx_power_dbm": float(config["transmitter"]["power_dbm"]),
         "noise_figure_db": float(config["receiver"]["noise_figure_db"]),
         "temperature": float(config["receiver"]["temperature_k"]),
-        "adc": Adc(config["adc"]["bits"], None if full_scale == "auto" else float(full_scale)),
+        "adc": Adc(
+            config["adc"]["bits"], None if full_scale == "auto" else float(full_scale), config["adc"].get("real", False)
+        ),
     }
 
 
