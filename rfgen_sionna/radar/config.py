@@ -23,7 +23,7 @@ _FREQUENCY = (1e9, 1e12)
 _LEAST_SPAN, _LEAST_DEPTH, _MOST_DEPTH = 1.0, 0.3, 200.0
 """Allowed least span of angles [degrees] and depths of patterns [dB]: radians and factors fall outside."""
 _SLOT_PHASE = (0.4, 360.0)
-"""Allowed magnitudes of slot phases [degrees]: most radians fall outside."""
+"""Allowed magnitudes of phases of slots and elements [degrees]: most radians fall outside."""
 
 
 class RadarConfigError(ValueError):
@@ -59,7 +59,8 @@ def check_units(table: Mapping[str, Any], where: str) -> None:
     pattern = table["pattern"]
     for cut in ("azimuth", "elevation"):
         check_cut(f"{where}: pattern", cut, pattern.get(f"{cut}_deg", ()), pattern.get(f"{cut}_db", ()))
-    for place, key, angle in _slot_angles(table["preset"]):
+    phases = [("array", key, angle) for key in _PHASES for angle in table["array"].get(key, ())]
+    for place, key, angle in (*phases, *_slot_angles(table["preset"])):
         if angle != 0:
             check_plausible(f"{where}: {place}", key, angle, *_SLOT_PHASE, "0 or, in magnitude, ")
 
@@ -101,6 +102,7 @@ _SCHEMA: dict[str, dict[str, _Types]] = {
     "array": _keys(_NUMBER, "design_frequency_hz")
     | _keys((list,), "tx_names", "tx_positions_half_wavelengths", "tx_positions_m")
     | _keys((list,), "rx_names", "rx_positions_half_wavelengths", "rx_positions_m")
+    | _keys((list,), "tx_phases_deg", "rx_phases_deg")
     | _keys((str,), "polarization", "tx_polarization", "rx_polarization"),
     "pattern": _keys((str,), "kind", "file")
     | _keys(_NUMBER, "peak_gain_dbi")
@@ -120,9 +122,10 @@ _POSITIONS = {
     element: tuple(f"{element}_positions_{unit}" for unit in ("half_wavelengths", "m")) for element in ("tx", "rx")
 }
 _POLARIZATIONS = ("polarization", "tx_polarization", "rx_polarization")
+_PHASES = ("tx_phases_deg", "rx_phases_deg")
 _CUTS = ("peak_gain_dbi", "azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db")
 _OPTIONAL: dict[str, set[str]] = {
-    "array": {"design_frequency_hz", *_POSITIONS["tx"], *_POSITIONS["rx"], *_POLARIZATIONS},
+    "array": {"design_frequency_hz", *_POSITIONS["tx"], *_POSITIONS["rx"], *_POLARIZATIONS, *_PHASES},
     "pattern": {"kind", "file", *_CUTS},
     "transmitter": {"phase_step_deg"},
     "adc": {"real"},

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rfgen_sionna._types import FloatArray
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
 from rfgen_sionna.radar.pattern import Pattern, pattern_record
 from rfgen_sionna.radar.pose import POLARIZATIONS, Trajectory, Vector, look_at_angles, pose_at, rotation_matrix, vector
+from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.radar.radar_fields import radar_fields, radar_file
 from rfgen_sionna.radar.radar_record import fields_from_record, waveform_record
 from rfgen_sionna.radar.slots import slot_label
@@ -63,11 +64,18 @@ class Radar:
     """Function of the time [s] that returns the position [m], or a pair (position, orientation [rad]); `position` and
     `orientation` become those at t = 0. It must be smooth (C²): its steps are steps of the phase. Files store
     :class:`~rfgen_sionna.radar.pose.Trajectory` only."""
+    tx_phases_deg: tuple[float, ...] = ()
+    """Phase of each Tx element's feed [degrees], which turns the radiated wave: 180 for a patch that is fed from the
+    other side. Empty for none."""
+    rx_phases_deg: tuple[float, ...] = ()
+    """Phase of each Rx element's feed [degrees], which turns the received wave. Empty for none."""
 
     def __post_init__(self) -> None:
         for end in ("tx", "rx"):
             array = _checked_elements(end, getattr(self, f"{end}_positions"), getattr(self, f"{end}_names"))
             object.__setattr__(self, f"{end}_positions", array)
+            phases = _checked_phases(end, getattr(self, f"{end}_phases_deg"), getattr(self, f"{end}_names"))
+            object.__setattr__(self, f"{end}_phases_deg", phases)
         if self.waveform.num_tx != len(self.tx_positions):
             named = "slots have" if self.waveform.slots else "tx_order fires"
             raise ValueError(f"radar has {len(self.tx_positions)} Tx elements; waveform.{named} {self.waveform.num_tx}")
@@ -206,6 +214,13 @@ class Radar:
         return self.tx_positions[:, None, :] + self.rx_positions[None, :, :]
 
     @property
+    def feed_factors(self) -> tuple[ComplexArray, ComplexArray]:
+        """(tx,) and (rx,) factors exp(j phase) of the elements' feeds, on the wave; the mixer conjugates them."""
+        phases = (self.tx_phases_deg, len(self.tx_names)), (self.rx_phases_deg, len(self.rx_names))
+        tx, rx = (np.exp(1j * np.radians(each or (0.0,) * count)) for each, count in phases)
+        return tx, rx
+
+    @property
     def center_frequency(self) -> float:
         """Middle of the sampled band [Hz]."""
         return self.waveform.center_frequency
@@ -274,6 +289,7 @@ class Radar:
             waveform=wave,
             tx_names=tuple(self.tx_names[tx] for tx in used),
             tx_positions=self.tx_positions[list(used)],
+            tx_phases_deg=tuple(self.tx_phases_deg[tx] for tx in used) if self.tx_phases_deg else (),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -289,6 +305,9 @@ class Radar:
             record[name] = list(record[name])
         for name in ("tx_positions", "rx_positions"):
             record[name] = record[name].tolist()
+        for name in ("tx_phases_deg", "rx_phases_deg"):
+            if phases := record.pop(name):
+                record[name] = list(phases)
         record |= {"waveform": waveform_record(self.waveform), "pattern": pattern_record(self.pattern)}
         record["adc"] = {key: value for key, value in asdict(self.adc).items() if key != "real" or value}
         if self.trajectory is None:
@@ -333,3 +352,15 @@ def _checked_elements(end: str, positions: ArrayLike, names: Sequence[str]) -> F
         raise ValueError(f"radar.{end}_names is {tuple(names)!r}: a different name for each of {len(array)} elements")
     array.setflags(write=False)
     return array
+
+
+def _checked_phases(end: str, phases: Sequence[float], names: Sequence[str]) -> tuple[float, ...]:
+    """`phases` [degrees] of the named "tx" or "rx" elements; empty where all are 0."""
+    label = f"radar.{end}_phases_deg"
+    if isinstance(phases, str) or not np.iterable(phases) or len(list(phases)) not in (0, len(names)):
+        raise ValueError(
+            f"{label} is {phases!r}: one angle [degrees] for each of {', '.join(names)}, or none, is needed"
+        )
+    if not all(is_number(phase) and abs(phase) <= 360 for phase in phases):
+        raise ValueError(f"{label} is {phases!r}: angles in -360 … 360 degrees are needed")
+    return tuple(float(phase) for phase in phases) if any(phases) else ()

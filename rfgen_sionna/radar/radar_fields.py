@@ -71,6 +71,8 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
         "rx_names": tuple(array["rx_names"]),
         "tx_positions": tx_positions[[names.index(tx) for tx in fired]],
         "rx_positions": rx_positions,
+        "tx_phases_deg": _chosen_phases(array, "tx", fired, where),
+        "rx_phases_deg": _chosen_phases(array, "rx", array["rx_names"], where),
         "pattern": _pattern(config["pattern"], Path(where).parent, waveform.start_frequency),
         "tx_polarization": array.get("tx_polarization", array.get("polarization")),
         "rx_polarization": array.get("rx_polarization", array.get("polarization")),
@@ -108,6 +110,18 @@ def _positions(array: dict[str, Any], element: str, frequency: float, where: str
             f"{_LARGEST_ARRAY * wavelength:.3g} m, are allowed (is it off by a prefix?)"
         )
     return metres
+
+
+def _chosen_phases(array: dict[str, Any], element: str, chosen: Sequence[str], where: str) -> tuple[float, ...]:
+    """Phases of the `chosen` elements' feeds [degrees]; empty where the file has none."""
+    key, names = f"{element}_phases_deg", list(array[f"{element}_names"])
+    if key not in array:
+        return ()
+    if len(array[key]) != len(names):
+        raise RadarConfigError(
+            f"{where}: array.{key} is {array[key]}: an angle for each of {', '.join(names)} is needed"
+        )
+    return tuple(float(array[key][names.index(name)]) for name in chosen)
 
 
 def _pattern(pattern: dict[str, Any], folder: Path, frequency: float) -> Pattern:

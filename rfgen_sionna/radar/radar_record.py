@@ -14,8 +14,8 @@ from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.slots import Slot
 from rfgen_sionna.radar.waveform import Waveform
 
-_OPTIONAL = ("position", "orientation", "adc", "trajectory")
-"""Keys that records of older runs lack."""
+_OPTIONAL = ("position", "orientation", "adc", "trajectory", "tx_phases_deg", "rx_phases_deg")
+"""Keys that records may lack."""
 
 
 def _keys(what: str, record: Any, known: Iterable[str], optional: Iterable[str] = ()) -> dict[str, Any]:
@@ -82,4 +82,5 @@ def fields_from_record(record: Any, known: tuple[str, ...]) -> dict[str, Any]:
     if record.get("trajectory") is not None:
         table = _keys("radar record: trajectory", record["trajectory"], Trajectory.__dataclass_fields__)
         arguments["trajectory"] = Trajectory(**table)
-    return arguments | {key: tuple(record[key]) for key in ("tx_names", "rx_names")}
+    lists = ("tx_names", "rx_names", "tx_phases_deg", "rx_phases_deg")
+    return arguments | {key: tuple(record[key]) for key in lists if key in record}
