@@ -129,6 +129,7 @@ def off(radar, found, slabs, u=0.0, every=1):
     return error / whole, np.abs(true).min() / whole, np.abs(true).max() / whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made_of", [CLOTH, THIN, pytest.param(PANE, marks=SLOW), pytest.param(BOARD, marks=SLOW)])
 @pytest.mark.parametrize("edge", [0.0, pytest.param(0.013, marks=SLOW), pytest.param(-0.02, marks=SLOW)])
 @pytest.mark.parametrize("still", [(), ("plate", "slab"), pytest.param(("slab",), marks=SLOW)])

@@ -109,6 +109,7 @@ def test_corner_reflectors_return_their_closed_forms_at_boresight(kind, gigahert
         assert np.abs(0.5 * SPEED_OF_LIGHT * paths.tau / distance - 1).max() < 0.2 * size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [pytest.param(0.05, marks=SLOW), 0.1, pytest.param(0.2, marks=SLOW)])
 @pytest.mark.parametrize("gigahertz", [24, 77])
 @pytest.mark.parametrize("kind", ["dihedral", "square", "triangle"])
@@ -351,6 +352,7 @@ def test_a_dihedral_that_stays_and_leans_is_not_left_out(tilt, axis):
     assert abs(one - other).max() < 0.01 * abs(other).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("x", "y"), [(4.0, 1.5), (3.3, 2.2), (5.0, 2.0)])
 @pytest.mark.parametrize(("position", "yaw"), [((0.0, 0.0, 1.0), 0.0), ((0.1, 0.2, 1.3), 0.3)])
 def test_a_room_s_corner_shows_the_radar_its_image(x, y, position, yaw):

@@ -107,6 +107,7 @@ def test_of_what_cancels_less_is_left_out(radar, rtol, turn, monkeypatch):
     assert error < stated < 2 * rtol
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
 def test_a_wide_array_sees_facets_from_other_sides(radar, rtol, monkeypatch):
     """Elements spread over 2 m: what is faint in the middle may mirror the outermost pair."""
@@ -126,6 +127,7 @@ def test_a_wide_array_sees_facets_from_other_sides(radar, rtol, monkeypatch):
     assert np.sqrt((np.abs(some - whole) ** 2).mean(axis=1)).max() < 0.5 * rtol * level
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
 def test_what_mirrors_the_radar_is_hidden(radar, rtol, monkeypatch):
     """A disc before the body hides all but its rim, which is faint beside what would be seen without it: none of the

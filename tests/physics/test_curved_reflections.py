@@ -59,6 +59,7 @@ def at(paths, t):
     return ((paths.a @ weights.T) * np.exp(-2j * np.pi * turns)).sum(axis=(2, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "places",
     [pytest.param(places, id=name, marks=() if name == "above" else SLOW) for name, places in PLACES.items()],

@@ -18,6 +18,7 @@ def radar():
     return radar_of(77)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frequency", "radius", "name"), [(24, 0.15, "side by side"), (24, 0.15, "above"), (77, 0.05, "above")]
 )

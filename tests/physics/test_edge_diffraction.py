@@ -102,6 +102,7 @@ def test_corners_are_off_by_less_than_is_stated(kind, gigahertz, widths, distanc
     assert 0.03 < error < stated < 10 * error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "distance", "angles"), [("dihedral", 1.5, (20, 0, 0)), ("trihedral", 1.0, (5, 5, 0))])
 def test_the_error_of_corners_that_stay_is_stated_as_well(kind, distance, angles):
     """To the same within a tenth: that of the static scene has all its surfaces in one."""

@@ -65,6 +65,7 @@ def held_against_quadrature(radar, traced, edge, points=500, pairs=slice(None)):
     return np.abs(turned - 1).max(), np.ptp(20 * np.log10(np.abs(true)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", [-0.05, -0.02, 0.0, 0.013, 0.03])
 @pytest.mark.parametrize("rtol", [1e-2, 1e-3])
 def test_each_pair_sees_the_shadow_from_its_own_place(edge, rtol):

@@ -79,6 +79,7 @@ def test_a_plate_behind_a_slit_returns_what_the_slit_lets_through(radar, turn, r
     assert abs(found - unoccluded / whole) < traced.report.error * abs(unoccluded / whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("t", [pytest.param(1.01, marks=pytest.mark.slow), 1.61])
 def test_a_walking_body_converges_to_what_is_stated(t):
     """At 1.61 s light falls between hand and thigh on a facet, whose small pieces it crosses without reaching a corner
@@ -89,6 +90,7 @@ def test_a_walking_body_converges_to_what_is_stated(t):
         assert abs(value - best) < (stated + own) * abs(best)
 
 
+@pytest.mark.slow
 def test_what_falls_between_rays_past_outlines_is_stated(monkeypatch):
     """Rays that are too far apart: light between arm and body falls on small facets that none of them finds, 0.13 %
     of the return at 1.31 s, which the facets that are found tell of."""

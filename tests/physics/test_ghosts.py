@@ -135,6 +135,7 @@ def test_a_ghost_behind_a_wall_appears_at_its_image_and_is_as_strong_as_the_wall
         assert (paths.arrival[:, 0] @ away).min() > np.cos(1.1 * RADIUS / np.linalg.norm(visible - view))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW), pytest.param(2, marks=SLOW), 3])
 def test_ghosts_are_the_dense_quadrature_with_the_wall_s_own_fields(seed):
     """A tilted box, slabs, elements at 45 degrees: to what the report states, of the strongest way's return."""
@@ -213,6 +214,7 @@ def crossing(y=SIDE):
     return np.array([share * BALL[0], y, 1.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "remains"),
     [
@@ -249,6 +251,7 @@ def test_direct_returns_alone_are_those_of_free_space_to_the_bit(radar, ball):
     assert set(twice.bounces) == {1, 2}
 
 
+@pytest.mark.slow
 def test_ghosts_below_the_tolerance_are_left_out_and_not_missed(radar):
     """The same wall at two tolerances: what the coarse one leaves out is less than it allows."""
     near = MeshActor.from_mesh(sphere(4), material="pec", position=(0.4, 0, 1), name="ball")

@@ -178,6 +178,7 @@ def test_a_wall_that_is_hidden_behind_a_slab_shows_the_back_of_who_stands_before
     assert decibels(abs(t_s) ** 2) < -5
 
 
+@pytest.mark.slow
 def test_a_body_under_clothes_has_its_ghosts_through_them(radar):
     """A skin ball of 4 cm in a shell of cloth, by the wall twice: the cloth's coefficients at normal incidence."""
     sheet = replace(MATERIALS["clothing"], thickness=1e-3)
@@ -207,6 +208,7 @@ def of_corner(radar, panes, count, *actors, t=0.0, **options):
     return channel(paths.select(np.isin(paths.object_id, sides) & (paths.bounces == count)))
 
 
+@pytest.mark.slow
 def test_a_static_corner_behind_a_board_returns_what_the_board_leaves(radar):
     """Image theory: both outer legs go through the board within 1.4 degrees of normal incidence, and both sums are
     traced to 2e-3. The same by a radar on a trajectory, to which all of the scene moves: other code chooses the plates
@@ -221,6 +223,7 @@ def test_a_static_corner_behind_a_board_returns_what_the_board_leaves(radar):
     assert abs(of_corner(going, {**corner_of_walls(), **board}, 2) - behind).max() < 2e-3 * abs(behind).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "left"), [((1.5, 0, 0), (0.02, 0.5)), ((1.5, 0.03, 0), (0, 0)), ((2, 0.3, 0), (1, 1))]
 )
@@ -257,6 +260,7 @@ def test_furniture_behind_a_board_has_the_ghosts_that_a_moving_radar_sees(radar)
     assert -18 < decibels(abs(other).max() / abs(free).max()) < -12
 
 
+@pytest.mark.slow
 def test_a_corner_reflector_of_an_actor_behind_a_board_returns_what_the_board_leaves(radar):
     """Two bounces within one thing, both outer legs through the board, at the same angle."""
     actor, _ = placed("dihedral", 0.1, 3.0, name="ball")
@@ -303,6 +307,7 @@ def test_a_radar_that_moves_sees_the_same_ghosts_through_a_slab(radar):
         assert abs(one - other).max() < 3e-3 * abs(other).max()  # each may err by 1e-2
 
 
+@pytest.mark.slow
 def test_what_is_seen_plainly_stays_as_it_is_to_the_bit(radar):
     """With a pane that stands in no leg."""
     panes = {"side": (WALL, "metal", 0.1), "pane": (pane(y=-1.5), "glass", 0.006)}

@@ -75,6 +75,7 @@ def test_they_are_as_far_and_as_strong_as_the_image_of_the_image_says(radar, lef
         assert SPEED_OF_LIGHT * paths.tau[0, 0, strongest, 0] == pytest.approx(length, abs=0.04)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_they_are_the_dense_quadrature_with_the_fields_of_both_walls(seed):
     """A box that mirrors the image of the image back, but for a few degrees, two different walls, elements at 45
@@ -122,6 +123,7 @@ def turned_wall(middle, towards, half=4.0):
     return [each.tolist() for each in corners], normal
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", ["one", pytest.param("other", marks=pytest.mark.slow)])
 def test_walls_at_any_angle_have_each_its_own(first):
     """A wall of concrete and one of metal, 59 degrees apart and one leaning over, elements at 45 degrees: in either
@@ -194,6 +196,7 @@ def test_a_periscope_shows_what_neither_of_its_mirrors_does(radar):
     assert abs(decibels(channel(there) / level)).max() < 0.5
 
 
+@pytest.mark.slow
 def test_changing_tx_and_rx_over_exchanges_them(radar):
     ball = MeshActor.from_mesh(sphere(4), material="pec", position=FAR, name="ball")
     tx, rx = radar.tx_positions, radar.rx_positions
@@ -211,6 +214,7 @@ def test_changing_tx_and_rx_over_exchanges_them(radar):
         np.testing.assert_allclose(channel(there[first, not way]).T, channel(paths), rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("leg", [pytest.param(0, marks=pytest.mark.slow), 1, pytest.param(2, marks=pytest.mark.slow)])
 def test_what_stands_in_one_of_the_legs_removes_them(radar, leg):
     """Of the way by the left wall, then the right one, and straight back, before the first wall, between both, and
@@ -239,6 +243,7 @@ def test_two_bounces_have_none(radar):
     assert not any(each.num_paths for each in in_a_row(paths, FAR).values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("material", ["pec", "glass"])
 def test_their_level_is_estimated(radar, material):
     """Within 2 dB of what a ball that returns alike to all sides does by way of both, relative to its direct return."""
@@ -255,6 +260,7 @@ def test_their_level_is_estimated(radar, material):
         assert abs(decibels(2 * channel(found[first, True])[0, 0] / direct / level)) < 2
 
 
+@pytest.mark.slow
 def test_over_time_they_follow_the_image_of_the_image(radar):
     """Across the corridor at 1 m/s: frames have what instants have."""
     velocity = np.array([0.0, 1.0, 0.0])

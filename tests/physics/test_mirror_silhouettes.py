@@ -46,6 +46,7 @@ def kept(corners, normal, offset):
     return np.array(found).reshape(-1, 3, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rim", "turn"), [(1.06, 0.0), (1.073, 0.0), (1.087, 0.0), (1.06, 0.02), (1.073, 0.05)])
 def test_a_ghost_that_a_wall_s_rim_cuts_is_that_of_what_is_left(radar, rim, turn):
     """Within the stated error, of single pairs, by the wall once: with its share of the whole facet's phase it would be

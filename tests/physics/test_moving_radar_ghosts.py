@@ -72,6 +72,7 @@ def over_band(paths, places):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_a_weak_actor_s_ghost_is_what_it_is_alone_beside_a_strong_one():
     """Through two reflections by a pane whose coefficient changes over the band: an expansion that is judged by the sum
     of all was right for a trihedral's ghost and 0.9 % of its direct return off for a ball of skin."""
@@ -91,6 +92,7 @@ def test_a_weak_actor_s_ghost_is_what_it_is_alone_beside_a_strong_one():
         assert np.abs(alone - beside).max() < 3e-3 * direct
 
 
+@pytest.mark.slow
 def test_at_each_instant_ghosts_are_those_of_a_radar_that_stands_there():
     """Wall and floor, once and twice: gains, delays and directions, to a fifth of the tolerance, as the facets of a
     world that moves are chosen anew."""
@@ -197,6 +199,7 @@ def scene_with_mesh(mesh, scene=None):
     return load_scene(scene.sionna)
 
 
+@pytest.mark.slow
 def test_direct_returns_do_not_depend_on_how_many_bounces_there_are(monkeypatch):
     """To the bit, but for facets that are too faint, as walls may show them."""
     monkeypatch.setattr("rfgen_sionna.tracing.moving.moving_visibility.CULLED_PER_RTOL", 0.0)

@@ -153,6 +153,7 @@ def test_half_a_sphere_hidden_by_rows(radar):
     assert 0 <= visible[0] < visible[2] < visible[-1]
 
 
+@pytest.mark.slow
 def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
     """Static plus shadow is the wall traced with the actor in place, at every knot."""
     file = tmp_path / "backdrop.xml"

@@ -87,6 +87,7 @@ def wide_plate(**motion):
     return MeshActor.from_mesh(mesh, material="pec", position=(1.01, 0.03, 0.02), name="plate", **motion)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [1e-2, pytest.param(1e-3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("width", "turn", "tilt"), [(3.0, 0.0, 0.0), (3.0, 1.1, 1.1), (6.0, 3.0, 0.0)])
 def test_a_narrow_beam_on_a_wide_plate(width, turn, tilt, rtol):
@@ -109,6 +110,7 @@ def test_what_facets_leave_out_of_a_narrow_beam_is_stated(monkeypatch):
     assert 0.01 < error < tracer.trace(0.0, 0.0).report.error
 
 
+@pytest.mark.slow
 def test_a_plate_that_comes_into_a_narrow_beam():
     """It stays as far away as it was beside the beam, where large facets did."""
     radar = narrow(6.0, 0.0)

@@ -85,6 +85,7 @@ def by(traced, time=None):
     return np.asarray(total)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [*SEEDS, *(pytest.param(each, marks=SLOW) for each in MORE)])
 def test_flat_things_behind_convex_ones(seed):
     """30 to 75 dB below their lobes, where hardly anything but the shadow's corners returns: within what is stated, and
@@ -158,6 +159,7 @@ def half_hidden_ball(radar, edge, points=1500):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", [pytest.param(-0.01, marks=SLOW), 0.0, pytest.param(0.005, marks=SLOW)])
 def test_a_ball_half_hidden(edge):
     """Within 1 % of what all of it returns, and within what is stated, by 1.1 to 10 % of the whole: strips on what is
@@ -247,6 +249,7 @@ def beside_a_plate(radar, before, aside):
     return plate, (np.array(corners), np.array([[0, 2, 1], [0, 3, 2]]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "before", "aside"),
     [("awr1843", 1.0, 0.7), ("awr1843", 2.0, 0.3), ("mmwcas", 1.0, 0.3), ("mmwcas", 0.4, 0.6)],

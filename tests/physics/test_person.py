@@ -54,6 +54,7 @@ def test_mean_cross_section_over_azimuth(radar, standing):
     assert -14 < 10 * np.log10(np.mean(sections)) < -2
 
 
+@pytest.mark.slow
 def test_translation_makes_no_doppler_of_its_own(radar, standing):
     """An adult who only translates: beyond 150 Hz of the body's own Doppler at least 90 dB under the peak.
 

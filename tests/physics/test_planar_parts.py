@@ -86,6 +86,7 @@ def test_the_sides_of_a_rounded_box_are_flat(radius, yaw):
         assert abs(traced(radar, box)[0] / expected - 1) < 0.015, steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("height", "bottom", "fine", "coarse"),
     [(0.12, 0.006, (12, 256), (4, 32)), (0.3, 0.05, (64, 256), (6, 24))],

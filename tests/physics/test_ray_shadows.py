@@ -66,6 +66,7 @@ def seen_by_both(tx, rx, slab_stacks, wavenumber, points=400, through=0.0):
     return -1j * area * (visible * cos * np.exp(-1j * wavenumber * (to_tx + to_rx)) / (4 * np.pi * to_tx * to_rx)).sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("elements", "slab_stacks", "error"),
     [
@@ -133,6 +134,7 @@ def body():
     return trimesh.util.concatenate(parts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("subject", "elements", "edge", "error"),
     [

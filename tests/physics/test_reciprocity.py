@@ -43,6 +43,7 @@ def differences(scene, radar, actors, **options):
     return found
 
 
+@pytest.mark.slow
 def test_a_person_to_a_whole_array():
     """What its parts show of one another by glints is found by Newton's steps, near caustics not to the last digit; and
     gains of all pairs are expanded from a middle that is Tx's as much as Rx's."""

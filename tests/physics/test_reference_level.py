@@ -95,6 +95,7 @@ def test_a_ball_half_hidden_by_what_is_half_way(radar, y):
 SLOW = pytest.mark.slow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("thing", "speed", "rtol"),
     [

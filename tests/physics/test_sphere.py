@@ -60,6 +60,7 @@ def test_translation_and_rotation_of_everything_change_nothing():
             assert abs(20 * np.log10(abs(ratio))) < 1e-3
 
 
+@pytest.mark.slow
 def test_edges_alike_are_split_alike_wherever_they_are():
     """A box has edges of the same length, which rounding told apart by how it was turned: other facets, and 3e-3 dB. Of
     a torus that hides a part of it single precision of rays is left, 1e-3 dB at most."""

@@ -76,6 +76,7 @@ def errors(tracer, length, monkeypatch):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tilt", "speed", "place"), [(35, 0.3, -0.155), (60, 1.0, -0.12), (75, 2.0, -0.14)])
 def test_an_edge_that_passes_a_static_plate_aslant(radar, monkeypatch, tilt, speed, place):
     """What a screen leaves of it is followed between instants, to the error stated; by splines through instants alone
@@ -92,6 +93,7 @@ def test_an_edge_that_passes_a_static_plate_aslant(radar, monkeypatch, tilt, spe
     assert traced.report.facets > plain.report.facets
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [4, 24, 60])
 def test_facets_in_phase_are_missed_together(radar, count):
     """However finely a plate is meshed, what is missed of it is stated: its facets' errors add up as amplitudes."""

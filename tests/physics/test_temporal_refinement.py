@@ -71,6 +71,7 @@ def of(parts, name):
     return [each.select(each.object_id == each.object_names.index(name)) for each in parts]
 
 
+@pytest.mark.slow
 def test_an_edge_that_passes_a_plate_aslant(radar, monkeypatch):
     """Between instants the plate's return is that of instants traced there to the error stated; without glances it is
     several times as far off."""
@@ -118,6 +119,7 @@ def test_two_instants_do_while_hardly_a_shadow_moves(radar, tilt, speed, count):
     assert sampled_facets[0] == pytest.approx(sampled_facets[1] * (1 if count == 2 else 5 / 3), rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", [1e-3, pytest.param(3e-3, marks=pytest.mark.slow)])
 def test_what_comes_back_within_a_frame_is_not_left_to_two_instants(radar, way):
     """A bar that covers more of a ball half way between two instants than at both: they tell nothing of it."""
@@ -182,6 +184,7 @@ def test_what_comes_and_goes_between_two_instants_is_stated(radar, monkeypatch):
     assert max(found) > 0.1
 
 
+@pytest.mark.slow
 def test_nothing_is_glanced_at_where_no_shadow_moves(radar):
     """A ball alone, that shadows itself and moves fast, is followed by its instants, as well as phases are."""
     ball = MeshActor.from_mesh(
@@ -243,6 +246,7 @@ def test_who_leaves_the_range_window_is_not_in_a_shadow(radar):
     assert Tracer(None, radar, [ball], rtol=1e-2).trace(0.0, radar.waveform.frame_length).refined is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.2, *(pytest.param(each, marks=pytest.mark.slow) for each in (0.1, 0.3))])
 def test_three_instants_of_a_quiet_plate_are_looked_at_in_between(radar, speed):
     """A plate and a screen that hardly turn have three instants, and the edge that passes is followed all the same."""
@@ -256,6 +260,7 @@ def test_three_instants_of_a_quiet_plate_are_looked_at_in_between(radar, speed):
     assert error < min(traced.report.time_error + traced.report.error, 0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [0.6, *(pytest.param(each, marks=pytest.mark.slow) for each in (1.8, 1.9))])
 def test_a_walking_person_between_instants(radar, start):
     """Where an arm swings before the body, and where all are so slow that three instants do: right to what is stated,
@@ -389,6 +394,7 @@ MOTIONS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("motion", "rtol"),
     [

@@ -123,6 +123,7 @@ def test_a_tilted_plate_s_bistatic_return_is_physical_optics(rt, name, polarizat
     assert abs(found - expected).max() < 0.025 * scale
 
 
+@pytest.mark.slow
 def test_in_the_near_field_the_actor_becomes_many_points(rt):
     """A plate of 16 wavelengths at 1.5 m; one point would err by 4 dB."""
     radar = Radar.load("awr1843", position=(0, 0, 1))
@@ -142,6 +143,7 @@ def test_in_the_near_field_the_actor_becomes_many_points(rt):
     assert abs(decibels(ratio)).max() < 0.1
 
 
+@pytest.mark.slow
 def test_in_the_near_field_the_lobes_of_a_flat_face_err_by_a_share_of_the_main_one(rt):
     """A plate of 10 x 8 cm at 3 m, broadside, on the flank of its main lobe, and in side lobes 17 and 25 dB below."""
     radar = Radar.load("awr1843", position=(0, 0, 1))

@@ -35,6 +35,7 @@ def lora(corpus: ViewCorpus, model_folder: Path, tmp_path_factory: pytest.TempPa
     return out / "strong" / WEIGHT_NAME
 
 
+@pytest.mark.slow
 def test_a_lora_changes_what_is_drawn_and_only_that_model(lora: Path, model_folder: Path) -> None:
     plain, adapted = (EnvironmentDiffusion(model_folder, each, steps=2) for each in (None, lora))
     a, b = (each.generate("a bedroom", seed=1) for each in (plain, adapted))
@@ -142,6 +143,7 @@ def test_a_lora_s_word_is_said(corpus: ViewCorpus, model_folder: Path, tmp_path:
     np.testing.assert_array_equal(own[0].generate("rfpir a bedroom", seed=1).energy, said.energy)
 
 
+@pytest.mark.slow
 def test_a_rate_that_leads_astray_is_not_chosen(corpus: ViewCorpus, model_folder: Path, tmp_path: Path) -> None:
     recipe = LoraRecipe(frames=8, steps=3, items=2)
     learn = corpus

@@ -218,6 +218,7 @@ def test_given_legs_are_kept(source: DiffusionSource) -> None:
     assert np.median(places[:, JOINT["right_wrist"], 2] - places[:, JOINT["right_shoulder"], 2]) > 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prompt", ["a person walks back and forth", "a person does jumping jacks"])
 @pytest.mark.parametrize(("start", "stop"), [(0.0, 2.0), (1.5, 3.5), (3.0, 9.0)])
 @pytest.mark.parametrize("given", ["walk", "left_arm_raised"])

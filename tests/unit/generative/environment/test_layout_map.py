@@ -139,6 +139,7 @@ def test_a_sketch_is_the_place_that_is_rendered(place: str) -> None:
     assert agree.mean() > 0.9
 
 
+@pytest.mark.slow
 def test_a_data_set_has_the_sketch_of_each_view(tmp_path) -> None:
     render(tmp_path, Settings(resolution=(16, 16), views=1, seed=3), 10)
     data = PirData.open(tmp_path)

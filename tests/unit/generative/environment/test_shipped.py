@@ -82,6 +82,7 @@ def test_rooms_are_closed_and_fields_open(rooms: EnvironmentDiffusion) -> None:
     assert not room.velocity.any()
 
 
+@pytest.mark.slow
 def test_what_a_room_lacks_is_drawn_around_the_rest_and_the_sky_stays_empty(rooms: EnvironmentDiffusion) -> None:
     """A hole of 12 x 12 pixels in a room gets a return near what was cut out, and keeps it over time; a street's sky
     none, as little as other pixels change."""
@@ -115,6 +116,7 @@ def test_what_a_room_lacks_is_drawn_around_the_rest_and_the_sky_stays_empty(room
     assert (refined.energy[sky] > 0).mean() < 0.1
 
 
+@pytest.mark.slow
 def test_height_and_pitch_move_the_floor(rooms: EnvironmentDiffusion) -> None:
     """The lowest rows show the floor: near where the radar is low or looks down."""
 

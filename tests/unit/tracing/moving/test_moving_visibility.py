@@ -96,6 +96,7 @@ def test_a_box_around_the_radar_occludes(radar):
     assert visible.fraction.max() == 0.0
 
 
+@pytest.mark.slow
 def test_silhouette_rays_by_time(radar):
     """Also after geometry at times in between."""
     tracer = Tracer(None, radar, [actor(ball(0.1), "near", 1.5, 4.0), actor(ball(0.3), "far", 2.5)], 1e-2)
@@ -110,6 +111,7 @@ def test_silhouette_rays_by_time(radar):
     assert traced.report == tracer.trace(0.0, 0.02).report
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spin", [0.0, 314.0, 628.0])
 @pytest.mark.parametrize("kind", ["closed", "open", "a part inside out", "around the radar"])
 def test_resampled_facets_have_all_occluders(radar, kind, spin):
