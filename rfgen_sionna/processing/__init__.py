@@ -4,6 +4,7 @@ from rfgen_sionna.processing.angle import compensate_tdm, find_directions, steer
 from rfgen_sionna.processing.azimuth import DynamicRangeAngle, RangeAzimuth, drai, range_azimuth
 from rfgen_sionna.processing.demultiplex import demultiplex, select_profile, select_slot
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
+from rfgen_sionna.processing.displacement import Displacement, displacement
 from rfgen_sionna.processing.pointcloud import PointCloud, point_cloud
 from rfgen_sionna.processing.spectrogram import DopplerTime, RangeTime, doppler_time, micro_doppler, range_time
 from rfgen_sionna.processing.spectrum import (
@@ -16,6 +17,7 @@ from rfgen_sionna.processing.spectrum import (
 )
 
 __all__ = [
+    "Displacement",
     "DopplerTime",
     "DynamicRangeAngle",
     "PointCloud",
@@ -25,6 +27,7 @@ __all__ = [
     "cfar",
     "compensate_tdm",
     "demultiplex",
+    "displacement",
     "doppler_time",
     "drai",
     "find_directions",
