@@ -35,6 +35,10 @@ class Description:
     seed: int | None = None
     iq_swap: bool = False
     """Whether Q precedes I."""
+    lanes: int | None = None
+    """LVDS lanes of a DCA1000, 2 or 4; None where the configuration leaves them open, so that the device decides."""
+    interleaved: bool | None = None
+    """Whether all receivers of a sample stand side by side (mmWave Studio's chInterleave 0); None: the device decides."""
 
     @property
     def frames(self) -> int | None:
