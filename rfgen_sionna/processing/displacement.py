@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 _PADDING = 4
 """Range bins per sample: the bin of a chest is then within an eighth of a cell of its return."""
+_UNCERTAIN = 0.1
+"""Relative error of the scale from which on a warning is given."""
 _FREQUENCIES = 1 << 14
 """Least number of points of the spectrum of a displacement."""
 
@@ -32,6 +35,9 @@ class Displacement:
     """(frame,) [s]"""
     displacement: FloatArray
     """(frame,) radial displacement of mean 0 [m]; positive is receding."""
+    scale_error: float
+    """Relative standard error of the scale of `displacement`, that of the radius of the fitted circle. The rate does
+    not depend on it."""
 
     def rate(self, low: float = 0.1, high: float = 0.7) -> float:
         """Frequency of the highest spectral line in `low` … `high` [Hz], those of breathing by default.
@@ -108,13 +114,20 @@ def displacement(
     changes = channels - channels.mean(axis=0)
     _, _, vectors = np.linalg.svd(changes, full_matrices=False)
     signal = channels @ vectors[0].conj()
-    phase = np.unwrap(np.angle(signal - _circle_centre(signal)))
-    moved = phase * radar.wavelength / (4 * np.pi)
-    return Displacement(float(ranges[inside[best]]), times + observation_time(radar), moved - moved.mean())
+    centre, error = _fitted_circle(signal)
+    if error > _UNCERTAIN:
+        warnings.warn(
+            f"displacement: the samples lie on an arc too short for its circle: the scale is uncertain by "
+            f"{100 * error:.0f} %, the rate is not",
+            stacklevel=2,
+        )
+    moved = np.unwrap(np.angle(signal - centre)) * radar.wavelength / (4 * np.pi)
+    return Displacement(float(ranges[inside[best]]), times + observation_time(radar), moved - moved.mean(), error)
 
 
-def _circle_centre(signal: ComplexArray | NDArray[Any]) -> complex:
-    """Centre of the circle nearest to the points, by geometric distance."""
+def _fitted_circle(signal: ComplexArray | NDArray[Any]) -> tuple[complex, float]:
+    """Centre of the circle nearest to the points by geometric distance, and the relative standard error of its
+    radius."""
     x, y = signal.real, signal.imag
     scale = float(np.abs(signal - signal.mean()).max()) or 1.0
     columns = np.column_stack((x, y, np.full(len(x), scale)))
@@ -124,5 +137,9 @@ def _circle_centre(signal: ComplexArray | NDArray[Any]) -> complex:
     def distances(circle: FloatArray) -> FloatArray:
         return np.asarray(np.hypot(x - circle[0], y - circle[1]) - circle[2])
 
-    found = least_squares(distances, start, x_scale=scale, loss="soft_l1", f_scale=0.1 * scale).x
-    return complex(found[0], found[1])
+    fit = least_squares(distances, start, x_scale=scale, loss="soft_l1", f_scale=0.1 * scale)
+    found, residual = fit.x, distances(fit.x)
+    covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * residual.var()
+    # Scatter of the size of the radius is no circle.
+    error = max(float(np.sqrt(covariance[2, 2])), float(residual.std()))
+    return complex(found[0], found[1]), error / max(abs(float(found[2])), 1e-30 * scale)

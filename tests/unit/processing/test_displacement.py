@@ -36,6 +36,7 @@ def test_a_chest_is_followed_to_a_tenth_of_a_millimetre(radar: Radar, synthesise
     radial = moved * 1.2 / np.hypot(1.2, 0.2)
     assert found.displacement == pytest.approx(radial - radial.mean(), abs=1.5e-4)
     assert found.rate() == pytest.approx(RATE, abs=0.005)
+    assert found.scale_error < 0.1
 
 
 def test_frames_at_uneven_times_keep_theirs(radar: Radar, synthesise: Callable[..., np.ndarray]) -> None:
@@ -63,3 +64,10 @@ def test_a_run_shorter_than_a_breath_has_no_rate(radar: Radar, synthesise: Calla
         found.rate()
     with pytest.raises(ValueError, match="low"):
         found.rate(low=2.0, high=1.0)
+
+
+def test_a_short_arc_has_a_rate_and_an_uncertain_scale(radar: Radar, synthesise: Callable[..., np.ndarray]) -> None:
+    with pytest.warns(UserWarning, match="scale is uncertain"):
+        found = displacement(recording(radar, synthesise, 0.01 * breath(radar)), radar)
+    assert found.scale_error > 0.1
+    assert found.rate() == pytest.approx(RATE, abs=0.01)
