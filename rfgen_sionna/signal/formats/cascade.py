@@ -2,8 +2,9 @@
 
 `<device>_NNNN_data.bin`: int16, little-endian, I and Q in turn; order frame, loop, chirp as fired, sample, receiver.
 `<device>_NNNN_idx.bin`: a header of 24 bytes, `<IIIIQ` = tag, version, flags, frames, bytes of data; then 48 bytes a
-frame, `<HHIHH4IIQQ` = tag, version, flags, width (samples), height (chirps), pitch[4] (bytes of a chirp first), bytes,
-time stamp, offset. The host begins a new pair of files before one exceeds 2047 MiB, and allocates files in advance:
+frame, `<HHIHH4IIQQ` = tag (the bytes "id"), version, flags (1, 0x101, 0x201, 0x301 of the four devices), width
+(samples × 4 Rx × I and Q), height (chirps of all loops), pitch[4] (bytes of a chirp first), bytes, time stamp, offset.
+The host begins a new pair of files before one exceeds 2047 MiB, and allocates files in advance:
 the index, not the size, counts the data.
 
 Time stamps are microseconds since the host was switched on (github.com/samxu29/mmwave-cli, check_ir_timestamps.py).
@@ -32,6 +33,7 @@ from rfgen_sionna.signal.formats.cascade_files import (
     FILE_TAG,
     FRAME_TAG,
     HEADER,
+    WORDS_PER_SAMPLE,
     FrameLocation,
     Frames,
     find_frames,
@@ -85,7 +87,8 @@ def write(request: WriteRequest, *, max_file_size: int = MAX_FILE_SIZE) -> Captu
                         stream.write(np.ascontiguousarray(ordered[..., channels, :], dtype="<i2").data)
             entries = _index(radar, request.cube.frame_times, group, frame_size)
             header = np.array((FILE_TAG, 1, 0, len(group), len(group) * frame_size), dtype=HEADER)
-            for part in parts[len(data) :][own]:
+            for place, part in enumerate(parts[len(data) :][own]):
+                entries["flags"] = place << 8 | 1  # the number of the device
                 part.write_bytes(header.tobytes() + entries.tobytes())
         write_json(parts[-2], config)
         quantizer.write_sidecar(parts[-1])
@@ -94,13 +97,15 @@ def write(request: WriteRequest, *, max_file_size: int = MAX_FILE_SIZE) -> Captu
 
 def _index(radar: Radar, times: FloatArray, group: range, frame_size: int) -> NDArray[Any]:
     loops, slots, _, samples = radar.frame_shape
-    if loops * slots > 0xFFFF or samples > 0xFFFF or frame_size > 0xFFFFFFFF:
+    width = samples * WORDS_PER_SAMPLE
+    if loops * slots > 0xFFFF or width > 0xFFFF or frame_size > 0xFFFFFFFF:
         raise CaptureFormatError(
-            f"{loops * slots} chirps of {samples} samples a frame do not fit the index: at most 65535 of each"
+            f"{loops * slots} chirps of {samples} samples a frame do not fit the index: at most 65535 chirps of "
+            f"{0xFFFF // WORDS_PER_SAMPLE} samples"
         )
     entries = np.zeros(len(group), dtype=ENTRY)
-    entries["tag"], entries["version"], entries["flags"] = FRAME_TAG, 1, 1
-    entries["width"], entries["height"], entries["size"] = samples, loops * slots, frame_size
+    entries["tag"], entries["version"] = FRAME_TAG, 1
+    entries["width"], entries["height"], entries["size"] = width, loops * slots, frame_size
     entries["pitch"][:, 0] = 4 * samples * RX_PER_DEVICE
     # The clock of the host is never negative.
     entries["time"] = np.rint((times[group.start : group.stop] - min(times[0], 0.0)) / _TIME_UNITS[0])

@@ -19,7 +19,10 @@ DATA_NAME = re.compile(r"(master|slave[123])_(\d{4})_(data|idx)\.bin")
 HEADER = np.dtype([("tag", "<u4"), ("version", "<u4"), ("flags", "<u4"), ("frames", "<u4"), ("size", "<u8")])
 _FIELDS = {"tag": "<u2", "version": "<u2", "flags": "<u4", "width": "<u2", "height": "<u2", "pitch": "4<u4"}
 ENTRY = np.dtype([*_FIELDS.items(), ("size", "<u4"), ("time", "<u8"), ("offset", "<u8")])
-FILE_TAG, FRAME_TAG = 0x746B6362, 0x6964  # first words of a header and of an entry
+FILE_TAG = 0x746B6362  # first word of a header
+FRAME_TAG = 0x6469  # first word of an entry, the bytes "id"
+_FORMER_TAG = 0x6964  # in older files of this package, whose width is the number of samples
+WORDS_PER_SAMPLE = 8  # I and Q of 4 receivers
 
 
 @dataclass(frozen=True)
@@ -36,8 +39,8 @@ class FrameLocation:
 class Frames:
     """Shape of a frame in the index."""
 
-    width: int
-    """Samples of a chirp."""
+    samples: int
+    """Of a chirp."""
     height: int
     """Chirps of a frame, all slots."""
     size: int
@@ -46,7 +49,16 @@ class Frames:
     def fits(self, entry: Any) -> bool:
         """Whether an entry of an index has this shape."""
         found = (int(entry["width"]), int(entry["height"]), int(entry["size"]))
-        return int(entry["tag"]) == FRAME_TAG and found == (self.width, self.height, self.size)
+        return is_entry(entry) and found == (self.width(entry), self.height, self.size)
+
+    def width(self, entry: Any) -> int:
+        """Width that an entry of this shape has: the words of one sample time, in older files of this package the samples."""
+        return self.samples if int(entry["tag"]) == _FORMER_TAG else self.samples * WORDS_PER_SAMPLE
+
+
+def is_entry(entry: Any) -> bool:
+    """Whether the first word is that of an entry."""
+    return int(entry["tag"]) in (FRAME_TAG, _FORMER_TAG)
 
 
 @dataclass(frozen=True)
@@ -140,18 +152,18 @@ def _index(folder: Path, name: str, group: int, shape: Frames, partial: bool, ne
         usable.append(entry if shape.fits(entry) else None)
         if usable[-1] is None:
             warn_or_raise(_damage(path, number, entry, shape), partial)
-    if len(usable) and not any(entry is not None for entry in usable) and np.all(entries["tag"] == FRAME_TAG):
+    if len(usable) and not any(entry is not None for entry in usable) and all(map(is_entry, entries)):
         # Frames of another shape, not damage.
         raise CaptureFormatError(_damage(path, 0, entries[0], shape))
     return _Index(tuple(usable), damaged=len(content) != wanted or any(entry is None for entry in usable))
 
 
 def _damage(path: Path, number: int, entry: Any, shape: Frames) -> str:
-    if entry["tag"] != FRAME_TAG:
+    if not is_entry(entry):
         return f"'{path}', frame {number}: tag 0x{entry['tag']:04x}; 0x{FRAME_TAG:04x} is needed"
     return (
-        f"'{path}', frame {number}: {entry['width']} samples × {entry['height']} chirps, "
-        f"{entry['size']} bytes; the radar's frames have {shape.width} × {shape.height}, {shape.size} bytes"
+        f"'{path}', frame {number}: width {entry['width']} (samples × 4 Rx × I and Q), height {entry['height']} (chirps "
+        f"× loops), {entry['size']} bytes; the radar's frames have {shape.width(entry)}, {shape.height}, {shape.size} bytes"
     )
 
 

@@ -78,15 +78,48 @@ def test_cascade_index_tells_frames_sizes_and_times(tmp_path: Path) -> None:
     radar = shortened("mmwcas", "ti_default", 64, 256)
     cube = lsb_cube(radar, 2, 100)
     write_capture(cube, tmp_path, "cascade")
-    content = (tmp_path / "slave3_0000_idx.bin").read_bytes()
     frame_size = 64 * 12 * 256 * 4 * 4
-    assert len(content) == 24 + 2 * 48
-    assert struct.unpack_from("<IIIIQ", content) == (0x746B6362, 1, 0, 2, 2 * frame_size)
-    assert (tmp_path / "slave3_0000_data.bin").stat().st_size == 2 * frame_size
-    for frame in range(2):
-        entry = struct.unpack_from("<HHIHH4IIQQ", content, 24 + 48 * frame)
-        assert entry[:9] == (0x6964, 1, 1, 256, 768, 4096, 0, 0, 0)
-        assert entry[9:] == (frame_size, 1_500_000 + 100_000 * frame, frame * frame_size)
+    for device, flags in {"master": 1, "slave1": 0x101, "slave2": 0x201, "slave3": 0x301}.items():
+        content = (tmp_path / f"{device}_0000_idx.bin").read_bytes()
+        assert len(content) == 24 + 2 * 48
+        assert struct.unpack_from("<IIIIQ", content) == (0x746B6362, 1, 0, 2, 2 * frame_size)
+        assert (tmp_path / f"{device}_0000_data.bin").stat().st_size == 2 * frame_size
+        for frame in range(2):
+            assert content[24 + 48 * frame :][:2] == b"id"
+            entry = struct.unpack_from("<HHIHH4IIQQ", content, 24 + 48 * frame)
+            assert entry[:9] == (0x6469, 1, flags, 2048, 768, 4096, 0, 0, 0)
+            assert entry[9:] == (frame_size, 1_500_000 + 100_000 * frame, frame * frame_size)
+
+
+@pytest.mark.parametrize(("tag", "width"), [(0x6469, 2048), (0x6964, 256)], ids=["board", "older files of this package"])
+def test_a_recording_of_a_cascade_board(tmp_path: Path, tag: int, width: int) -> None:
+    """Bytes as the TDA2 host writes them: 12 chirps × 64 loops of 256 samples, 4 Rx a device, no JSON."""
+    frame_size = 64 * 12 * 256 * 4 * 4
+    words = np.random.default_rng(1).integers(-900, 900, (4, 2, 64, 12, 256, 4, 2), dtype=np.int16)
+    for device, name in enumerate(["master", "slave1", "slave2", "slave3"]):
+        (tmp_path / f"{name}_0000_data.bin").write_bytes(words[device].astype("<i2").tobytes())
+        index = struct.pack("<IIIIQ", 0x746B6362, 1, 0, 2, 2 * frame_size)
+        for frame in range(2):
+            place = (frame_size, 7_000_000 + 100_000 * frame, frame * frame_size)
+            flags = device << 8 | 1
+            index += struct.pack("<HHIHH4IIQQ", tag, 1, flags, width, 768, 4096, 0, 0, 0, *place)
+        (tmp_path / f"{name}_0000_idx.bin").write_bytes(index)
+    capture = open_capture(tmp_path, radar=shortened("mmwcas", "ti_default", 64, 256))
+    assert len(capture) == 2
+    np.testing.assert_allclose(capture.frame_times, [0, 0.1])
+    found = capture.lsb(1)  # TX12 fires first
+    i, q = words[2, 1, 5, 3, 17, 1]
+    assert found[5, 8, 4 * 2 + 1, 17] == i + 1j * q
+    np.testing.assert_array_equal(found[:, ::-1, 4:8].swapaxes(2, 3), words[1, 1, ..., 0] + 1j * words[1, 1, ..., 1])
+
+
+def test_a_cascade_index_of_other_frames_names_width_and_height(tmp_path: Path) -> None:
+    write_capture(lsb_cube(cascade(), 2, 100), tmp_path, "cascade")
+    (tmp_path / "capture.rfgen").unlink(missing_ok=True)
+    (tmp_path / "capture.rfgen.json").unlink(missing_ok=True)
+    next(tmp_path.glob("*.mmwave.json")).unlink()
+    with pytest.raises(CaptureFormatError, match=r"width 32 \(samples × 4 Rx .*height 24 .*; the radar's .* 64, 24, "):
+        open_capture(tmp_path, radar=cascade(2, 8))
 
 
 def test_cascade_goes_on_in_further_files(tmp_path: Path) -> None:
