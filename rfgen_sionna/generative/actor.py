@@ -49,6 +49,15 @@ class Actor(MeshActor):
     decisions: tuple[Decision, ...] = ()
     """Decisions of an actor from a prompt, each with its origin: prompt, argument, default or seed."""
 
+    @property
+    def action(self) -> str:
+        """Action of the prompt, or of a motion by this package's sources; "clip: NAME" for another motion."""
+        if self.prompt is not None:
+            return self.prompt.action
+        if self.motion is None or not self.motion.action:
+            return ""
+        return self.motion.action if self.motion.seed is not None else f"clip: {self.motion.action}"
+
     def report(self, more: Iterable[Decision] = ()) -> str:
         """Interpretation of the prompt and every decision with its origin, `more` at the end; several lines.
 

@@ -136,6 +136,11 @@ class MeshActor:
         return self.sequence.joint_names
 
     @property
+    def action(self) -> str:
+        """Name of the action in labels; empty for an unknown one."""
+        return ""
+
+    @property
     def duration(self) -> float:
         """Length of the mesh sequence [s]; `inf` for a rigid mesh."""
         return self.sequence.duration
