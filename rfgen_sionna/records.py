@@ -307,15 +307,37 @@ class Pir:
 
 @dataclass(frozen=True)
 class AdcCube:
-    """Complex baseband samples of a run, with their radar."""
+    """Baseband samples of a run, with their radar."""
 
-    data: NDArray[np.complex64]
-    """(frame, chirp, tx, rx, sample) in square roots of watts at the receiver input: |sample|^2 is power [W].
-    `chirp` counts loops. `tx` counts Tx elements where they fire in turn (TDM), each at the time of its slot. Where
-    several fire at once or chirps differ, `tx` counts the slots of a loop; `radar.axis_names` are its entries, and
-    `processing.demultiplex` separates the Tx elements."""
+    data: NDArray[np.complex64] | NDArray[np.float32]
+    """(frame, chirp, tx, rx, sample) in square roots of watts at the receiver input: |sample|^2 is power [W]. Samples
+    of a real ADC are sqrt(2) times the real part, so that their mean square is power.
+
+    `chirp` counts loops. `tx` counts Tx elements where they fire in turn (TDM), each at the time of its slot, in the
+    order of `radar.tx_names`, not of firing (:meth:`in_firing_order`). Where several fire at once or chirps differ,
+    `tx` counts the slots of a loop; `radar.axis_names` are its entries, and `processing.demultiplex` separates the Tx
+    elements."""
     radar: Radar
     frame_times: FloatArray
     """(frame,) start of the first ramp of each frame [s]."""
     seed: int | None = None
     """Seed of the noise; None for a cube without noise."""
+
+    def in_firing_order(self) -> tuple[NDArray[np.complex64] | NDArray[np.float32], tuple[str, ...]]:
+        """Samples (frame, chirp, slot, rx, sample) in the order in which the slots of a loop fire, and their names.
+
+        Programs that number Tx elements by slot take them so. A preset that fires TX1, TX3, TX2 has the entries TX1,
+        TX2, TX3 in the cube:
+
+        >>> from rfgen_sionna.radar import Radar
+        >>> radar = Radar.load("awr1843", "mmmesh")
+        >>> cube = AdcCube(np.zeros((1, *radar.frame_shape), np.complex64), radar, np.zeros(1))
+        >>> samples, names = cube.in_firing_order()
+        >>> radar.axis_names, names
+        (('TX1', 'TX2', 'TX3'), ('TX1', 'TX3', 'TX2'))
+
+        A cube whose entries are slots is unchanged.
+        """
+        order = list(self.radar.waveform.slot_axis)
+        names = tuple(self.radar.axis_names[entry] for entry in order)
+        return (self.data if order == sorted(order) else self.data[:, :, order]), names

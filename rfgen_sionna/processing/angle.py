@@ -29,7 +29,8 @@ def unit_vectors(azimuth: ArrayLike, elevation: ArrayLike) -> FloatArray:
 def steering(radar: Radar, direction: FloatArray, distance: FloatArray | None = None) -> NDArray[np.complex128]:
     """(..., tx, rx) phase factors of targets in `direction` (..., 3), unit vectors, relative to the frame's origin.
 
-    The wave front is a sphere of radius `distance` (...) [m]; None takes a plane one.
+    Phases of the elements' feeds are included. The wave front is a sphere of radius `distance` (...) [m]; None takes a
+    plane one.
     """
     wavenumber = 2 * np.pi / radar.wavelength
     if distance is None:
@@ -40,7 +41,8 @@ def steering(radar: Radar, direction: FloatArray, distance: FloatArray | None = 
         out = np.linalg.norm(point - radar.tx_positions, axis=-1) - away
         back = np.linalg.norm(point - radar.rx_positions, axis=-1) - away
         path = out[..., :, None] + back[..., None, :]
-    return np.exp(1j * wavenumber * path)
+    tx_feeds, rx_feeds = radar.feed_factors
+    return np.exp(1j * wavenumber * path) * np.conj(tx_feeds[:, None] * rx_feeds)
 
 
 def compensate_tdm(channels: ComplexChannels, radar: Radar, velocity: ArrayLike) -> ComplexChannels:

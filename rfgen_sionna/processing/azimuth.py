@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.angle import compensate_tdm, steering, unit_vectors
 from rfgen_sionna.processing.demultiplex import as_beams
-from rfgen_sionna.processing.spectrum import Window, range_doppler, taper
+from rfgen_sionna.processing.spectrum import Window, range_axis, range_doppler, taper
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
@@ -129,10 +129,11 @@ def drai(cube: ArrayLike, radar: Radar, *, range_bins: int = 32, angle_bins: int
     array = np.asarray(cube)
     if array.ndim != 5:
         raise ValueError(f"cube has shape {array.shape}: the axes (frame, chirp, tx, rx, sample) are needed")
-    if not 1 <= range_bins <= array.shape[-1] or angle_bins < 2:
+    most = len(range_axis(radar, array.shape[-1])) if radar.waveform.slope else array.shape[-1]
+    if not 1 <= range_bins <= most or angle_bins < 2:
         raise ValueError(
-            f"range_bins is {range_bins} and angle_bins {angle_bins}: 1 … {array.shape[-1]} (the samples of a chirp) "
-            "and at least 2 are needed"
+            f"range_bins is {range_bins} and angle_bins {angle_bins}: 1 … {most} (the range axis) and at least 2 are "
+            "needed"
         )
     angle = np.arcsin((np.arange(angle_bins) + 0.5) * (2 / angle_bins) - 1)
     limit = (range_bins - 0.5) * radar.waveform.range_window / array.shape[-1]

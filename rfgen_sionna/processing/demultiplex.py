@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy import fft
 
 from rfgen_sionna.processing.multiplexing import (
-    ComplexChannels,
+    Samples,
     decoder,
     entry_times,
     occupied_bins,
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
 
-def select_profile(cube: ArrayLike, radar: Radar, profile: int) -> tuple[ComplexChannels, Radar]:
+def select_profile(cube: ArrayLike, radar: Radar, profile: int) -> tuple[Samples, Radar]:
     """Chirps of the profile of index `profile`, and a radar with its Tx elements and times.
 
     `cube` and result are (..., chirp, tx, rx, sample). A `cube` without an entry of "tx" for each slot of the loop is a
@@ -39,7 +39,7 @@ def select_profile(cube: ArrayLike, radar: Radar, profile: int) -> tuple[Complex
     return array[..., list(radar.waveform.profile_axis(profile)), :, :], chosen
 
 
-def select_slot(cube: ArrayLike, radar: Radar, slot: int) -> tuple[ComplexChannels, Radar]:
+def select_slot(cube: ArrayLike, radar: Radar, slot: int) -> tuple[Samples, Radar]:
     """Chirps of one slot, (..., chirp, 1, rx, sample), and a radar of a single Tx in the middle of its elements.
 
     The elements radiate one beam; its phase centre changes the phase of all returns alike. A ValueError is raised for
@@ -57,10 +57,11 @@ def select_slot(cube: ArrayLike, radar: Radar, slot: int) -> tuple[ComplexChanne
     )
     name = radar.axis_names[slot].partition(":")[2]
     middle = radar.tx_positions[on].mean(axis=0, keepdims=True)
-    return array[..., slot : slot + 1, :, :], replace(radar, waveform=alone, tx_names=(name,), tx_positions=middle)
+    beam = replace(radar, waveform=alone, tx_names=(name,), tx_positions=middle, tx_phases_deg=())
+    return array[..., slot : slot + 1, :, :], beam
 
 
-def as_beams(cube: ArrayLike, radar: Radar) -> tuple[ComplexChannels, Radar]:
+def as_beams(cube: ArrayLike, radar: Radar) -> tuple[Samples, Radar]:
     """Cube and radar, with one Tx where all elements radiate one beam; several beams are a ValueError."""
     array = check_cube(cube, radar)
     if radar.waveform.multiplexing != "beam":
@@ -70,7 +71,7 @@ def as_beams(cube: ArrayLike, radar: Radar) -> tuple[ComplexChannels, Radar]:
     return select_slot(array, radar, 0)
 
 
-def demultiplex(cube: ArrayLike, radar: Radar) -> tuple[ComplexChannels, Radar]:
+def demultiplex(cube: ArrayLike, radar: Radar) -> tuple[Samples, Radar]:
     """Cube with the separate echoes of each Tx element, and its radar.
 
     - TDM is unchanged: each element at the time of its slot.
@@ -89,7 +90,11 @@ def demultiplex(cube: ArrayLike, radar: Radar) -> tuple[ComplexChannels, Radar]:
     if not wave.slots or wave.separated:
         return array, radar
     chirps = array.shape[-4]
-    matrix = decoder(radar)
+    matrix, samples, real = decoder(radar), array.shape[-1], radar.adc.real
+    if real:
+        # Beats of one sign: those of the other one are in other Doppler bands.
+        array = np.asarray(fft.rfft(array, axis=-1))
+        array = array.conj() if wave.slope < 0 else array
     spectrum = fft.fftshift(fft.fft(separate_bands(array, radar), axis=-4), axes=-4)
     frequency = fft.fftshift(fft.fftfreq(chirps, wave.loop_period))
     kept = occupied_bins(radar, chirps)
@@ -103,6 +108,8 @@ def demultiplex(cube: ArrayLike, radar: Radar) -> tuple[ComplexChannels, Radar]:
     # The middle bin, zero Doppler, becomes the first one.
     spectrum = np.roll(spectrum, -int(np.argmin(np.abs(frequency))), axis=-4)
     data = fft.ifft(spectrum, axis=-4) * (count / chirps)
+    if real:
+        data = fft.irfft(data.conj() if wave.slope < 0 else data, n=samples, axis=-1)
     together = replace(
         wave,
         num_loops=count,

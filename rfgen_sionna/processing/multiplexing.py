@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
 ComplexChannels = NDArray[np.complexfloating[Any, Any]]
+Samples = NDArray[np.inexact[Any]]
+"""Complex samples, or real ones of a real ADC."""
 
 
 def uses_doppler_bands(radar: Radar) -> bool:
@@ -37,7 +39,7 @@ def axis_lengths(radar: Radar) -> tuple[int, ...]:
     return (entries, radar.waveform.num_tx) if uses_doppler_bands(radar) else (entries,)
 
 
-def separate_bands(cube: ComplexChannels, radar: Radar) -> ComplexChannels:
+def separate_bands(cube: Samples, radar: Radar) -> Samples:
     """(..., chirp, tx, rx, sample) with an entry for each Tx element, its Doppler band around zero.
 
     Frames without Doppler bands are unchanged. Outside of its band each entry has the other elements' echoes;
@@ -49,7 +51,7 @@ def separate_bands(cube: ComplexChannels, radar: Radar) -> ComplexChannels:
     loops = cube.shape[-4]
     if len(weights) < loops:
         weights = np.resize(weights, (loops, weights.shape[1]))
-    return np.asarray(cube * weights[:loops, :, None, None].astype(cube.dtype))
+    return np.asarray(cube * weights[:loops, :, None, None].astype(np.result_type(cube.dtype, np.complex64)))
 
 
 def entry_times(radar: Radar) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.detection import refine_peaks
-from rfgen_sionna.processing.multiplexing import ComplexChannels
+from rfgen_sionna.processing.multiplexing import ComplexChannels, Samples
 from rfgen_sionna.processing.spectrum import range_transform
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class FocusedPeak:
 
 
 def focus_peak(
-    tapered: ComplexChannels, radar: Radar, place: float, velocities: FloatArray, smear: float, bins: int
+    tapered: Samples, radar: Radar, place: float, velocities: FloatArray, smear: float, bins: int
 ) -> FocusedPeak:
     """Highest peak near one of the `velocities` (n,) [m/s], of which a later one must have a clearly higher peak.
 
@@ -45,7 +45,8 @@ def focus_peak(
     `bins` is the length of the range transform.
     """
     step = radar.waveform.range_window / bins
-    near = np.arange(max(0, int((place - smear) / step)), min(bins, int((place + smear) / step) + 2))
+    count = bins // 2 + 1 if radar.adc.real else bins
+    near = np.arange(max(0, int((place - smear) / step)), min(count, int((place + smear) / step) + 2))
     spacing = 0.5 * radar.velocity_resolution
     peaks: list[FocusedPeak] = []
     for velocity in velocities.tolist():
@@ -62,7 +63,7 @@ def focus_peak(
     return peaks[-1]
 
 
-def at_velocity(tapered: ComplexChannels, radar: Radar, velocity: float, bins: int) -> ComplexChannels:
+def at_velocity(tapered: Samples, radar: Radar, velocity: float, bins: int) -> ComplexChannels:
     """(tx, rx, range) spectra at `velocity` [m/s], with corrected migration."""
     chirps, samples = tapered.shape[0], tapered.shape[-1]
     step = radar.waveform.slope / radar.waveform.sample_rate
@@ -71,4 +72,5 @@ def at_velocity(tapered: ComplexChannels, radar: Radar, velocity: float, bins: i
     middle = 0.5 * (chirps - 1)
     # The middle of the frame keeps its range.
     turn = np.exp(-2j * np.pi * cycles * (scale * (np.arange(chirps)[:, None] - middle) + middle))
-    return range_transform(np.einsum("ctrs,cs->trs", tapered, turn.astype(tapered.dtype)), radar, bins)
+    turn = turn.astype(np.result_type(tapered.dtype, np.complex64))
+    return range_transform(np.einsum("ctrs,cs->trs", tapered, turn), radar, bins)

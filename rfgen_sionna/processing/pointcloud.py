@@ -13,7 +13,7 @@ from rfgen_sionna.processing.angle import Directions, find_directions, unit_vect
 from rfgen_sionna.processing.demultiplex import as_beams
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
 from rfgen_sionna.processing.multiplexing import (
-    ComplexChannels,
+    Samples,
     empty_bands,
     occupied_bins,
     separate_bands,
@@ -232,7 +232,7 @@ def _directions(
 
 
 def _refocus(
-    array: ComplexChannels,
+    array: Samples,
     radar: Radar,
     found: Directions,
     apparent: FloatArray,

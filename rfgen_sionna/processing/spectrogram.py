@@ -22,6 +22,7 @@ from rfgen_sionna.processing.spectrum import (
     check_cube,
     range_axis,
     range_doppler,
+    range_profiles,
     range_spectrum,
     remove_static,
     taper,
@@ -191,7 +192,8 @@ def micro_doppler(
     offset = float(wave.chirp_times[0].mean() + wave.sample_times.mean())
     columns, times = [], []
     for group in groups:
-        profiles = [range_spectrum(f if static else remove_static(f), radar)[..., keep] for f in array[group]]
+        given = [frame if static else remove_static(frame) for frame in array[group]]
+        profiles = [range_profiles(frame, radar, "hann", frame.shape[-1])[..., keep] for frame in given]
         profile = np.concatenate(profiles, axis=0)
         slow = profile.reshape(len(profile), -1).T
         # Only complete windows.

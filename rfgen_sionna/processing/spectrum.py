@@ -10,6 +10,9 @@ spectra, those in codes with the directions. The signal model is
 so that a beat frequency f is the range c f / (2 mu), and a positive Doppler bin is a receding target. A downward ramp
 has its targets at negative frequencies; without a slope there is one range bin.
 
+Samples of a real ADC are sqrt(2) Re(s). Their spectra are one-sided: half the range axis with the same steps, where a
+tone has the complex amplitude that it has with I and Q. Without a slope they leave the sign of velocities open.
+
 Ranges are those at the centre of the observation (:func:`observation_time`). The beat frequency of a target of radial
 velocity v is mu tau + 2 v fc / c, which moves its range bin to R + fc v / mu (range-Doppler coupling);
 `correct_coupling` of :func:`range_doppler` removes it.
@@ -18,15 +21,15 @@ velocity v is mu tau + 2 v fc / c, which moves its range bin to R + fc v / mu (r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import fft
 from scipy.signal import CZT, get_window
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.processing.multiplexing import axis_lengths, occupied_bins, separate_bands
+from rfgen_sionna.processing.multiplexing import ComplexChannels, Samples, axis_lengths, occupied_bins, separate_bands
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
@@ -35,10 +38,11 @@ Window = str | tuple[str, float]
 """Name (or name and parameter) of :func:`scipy.signal.get_window`, for instance "hann"."""
 
 
-def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> NDArray[np.complexfloating[Any, Any]]:
-    """Cube (..., chirp, tx, rx, sample), with `frames` exactly (frame, chirp, tx, rx, sample), as a complex array.
+def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> Samples:
+    """Cube (..., chirp, tx, rx, sample), with `frames` exactly (frame, chirp, tx, rx, sample), as an array.
 
-    A wrong shape, samples that are not complex, and samples that are not finite are a ValueError.
+    A wrong shape, complex samples for a real ADC or real ones for another, and samples that are not finite are a
+    ValueError.
     """
     array = np.asarray(cube)
     axes = "(frame, chirp, tx, rx, sample)" if frames else "(..., chirp, tx, rx, sample)"
@@ -53,30 +57,42 @@ def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> NDArra
             )
     if 0 in array.shape:
         raise ValueError(f"cube is empty: shape {array.shape}, axes {axes}")
-    if array.dtype.kind != "c":
-        raise ValueError(f"cube holds {array.dtype}: complex (I + jQ) samples are needed")
+    if radar.adc.real and array.dtype.kind != "f":
+        raise ValueError(
+            f"cube holds {array.dtype}: radar '{radar.name}' has a real ADC (adc.real), real floats are needed"
+        )
+    if not radar.adc.real and array.dtype.kind != "c":
+        raise ValueError(
+            f"cube holds {array.dtype}: complex (I + jQ) samples are needed; real ones need a radar with adc.real"
+        )
     if not np.all(np.isfinite(array)):
         raise ValueError(f"cube holds {np.count_nonzero(~np.isfinite(array))} samples that are NaN or infinite")
     return array
 
 
 def range_axis(radar: Radar, bins: int | None = None) -> FloatArray:
-    """(range,) centres of the range bins [m], from 0 to below the range window; one bin at 0 without a slope."""
+    """(range,) centres of the range bins [m] of a transform of length `bins`: from 0 to below the range window, to half
+    of it with a real ADC (bins // 2 + 1); one bin at 0 without a slope."""
     if radar.waveform.slope == 0:
         return np.zeros(1)
     bins = radar.waveform.num_samples if bins is None else bins
-    return np.arange(bins, dtype=np.float64) * (radar.waveform.range_window / bins)
+    count = bins // 2 + 1 if radar.adc.real else bins
+    return np.arange(count, dtype=np.float64) * (radar.waveform.range_window / bins)
 
 
-def range_transform(
-    array: NDArray[np.complexfloating[Any, Any]], radar: Radar, bins: int
-) -> NDArray[np.complexfloating[Any, Any]]:
-    """Tapered samples (..., sample) to bins of ascending range, with reversed frequency for a downward ramp."""
+def range_transform(array: Samples, radar: Radar, bins: int) -> ComplexChannels:
+    """Tapered samples (..., sample), or their Doppler spectra, to bins of ascending range, for a downward ramp with
+    reversed frequency."""
     if radar.waveform.slope == 0:
-        return np.asarray(array.sum(axis=-1, keepdims=True))
-    if radar.waveform.slope < 0:
-        return np.asarray(fft.ifft(array, n=bins, axis=-1, norm="forward"))
-    return np.asarray(fft.fft(array, n=bins, axis=-1))
+        spectrum = array.sum(axis=-1, keepdims=True)
+        spectrum = spectrum.astype(np.result_type(spectrum.dtype, np.complex64), copy=False)
+    elif radar.waveform.slope < 0:
+        spectrum = fft.ifft(array, n=bins, axis=-1, norm="forward")
+    else:
+        spectrum = fft.fft(array, n=bins, axis=-1)
+    if radar.adc.real:  # a tone has half its power at negative frequencies
+        spectrum = spectrum[..., : bins // 2 + 1] * np.sqrt(2, dtype=spectrum.real.dtype)
+    return np.asarray(spectrum)
 
 
 def velocity_axis(radar: Radar, bins: int | None = None) -> FloatArray:
@@ -105,7 +121,7 @@ def taper(window: Window, length: int) -> FloatArray:
     return values / values.sum()
 
 
-def remove_static(cube: ArrayLike, *, over: str = "frame") -> NDArray[np.complexfloating[Any, Any]]:
+def remove_static(cube: ArrayLike, *, over: str = "frame") -> Samples:
     """Subtract static returns: the mean over the chirps of each frame, Hann-weighted against leakage of moving ones.
 
     Parameters
@@ -129,22 +145,25 @@ def remove_static(cube: ArrayLike, *, over: str = "frame") -> NDArray[np.complex
 
 def range_spectrum(
     cube: ArrayLike, radar: Radar, *, window: Window = "hann", bins: int | None = None
-) -> NDArray[np.complexfloating[Any, Any]]:
+) -> ComplexChannels:
     """Range profiles (..., chirp, tx, rx, range) on the axis :func:`range_axis`.
 
     A tone of amplitude A has |A| at its bin for any window. More `bins` than samples pad with zeros.
     """
     array = check_cube(cube, radar)
-    bins = _bins("bins", bins, array.shape[-1])
-    weights = taper(window, array.shape[-1]).astype(array.real.dtype)
-    return range_transform(array * weights, radar, bins)
+    return range_profiles(array, radar, window, _bins("bins", bins, array.shape[-1]))
+
+
+def range_profiles(array: Samples, radar: Radar, window: Window, bins: int) -> ComplexChannels:
+    """:func:`range_spectrum` of checked samples, which may be separate Doppler bands."""
+    return range_transform(array * taper(window, array.shape[-1]).astype(array.real.dtype), radar, bins)
 
 
 @dataclass(frozen=True)
 class RangeDoppler:
     """Range-Doppler spectra of every channel."""
 
-    spectrum: NDArray[np.complexfloating[Any, Any]]
+    spectrum: ComplexChannels
     """(..., velocity, tx, rx, range) complex amplitude of a tone, in the unit of the samples; "tx" as in the cube, or
     Tx elements for Doppler bands."""
     range: FloatArray
@@ -222,9 +241,7 @@ def range_doppler(
     )
 
 
-def _keystone(
-    array: NDArray[np.complexfloating[Any, Any]], radar: Radar, bins: int
-) -> NDArray[np.complexfloating[Any, Any]]:
+def _keystone(array: Samples, radar: Radar, bins: int) -> ComplexChannels:
     """Doppler spectra (..., velocity, tx, rx, sample), each sample on the velocity axis of its own frequency.
 
     Source: R. Perry, R. DiPietro and R. Fante, IEEE Trans. AES-35 (1999), 188; as a chirp-z transform.
@@ -234,7 +251,7 @@ def _keystone(
     step = radar.waveform.slope / radar.waveform.sample_rate
     scale = 1 + step * (np.arange(samples) - middle) / radar.center_frequency
     cycles = fft.fftshift(fft.fftfreq(bins))
-    result = np.empty((*array.shape[:-4], bins, *array.shape[-3:]), array.dtype)
+    result = np.empty((*array.shape[:-4], bins, *array.shape[-3:]), np.result_type(array.dtype, np.complex64))
     for sample in range(samples):
         transform = CZT(
             chirps, bins, w=np.exp(-2j * np.pi * scale[sample] / bins), a=np.exp(2j * np.pi * scale[sample] * cycles[0])

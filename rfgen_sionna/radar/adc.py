@@ -20,7 +20,7 @@ class Adc:
     bits: int = 16
     """Bits of one word, sign included, 2 … 24."""
     full_scale_dbm: float | None = None
-    """Input power of a complex tone that fills the converter [dBm], -150 … 60; None adapts it to the signal."""
+    """Input power of a tone that fills the converter [dBm], -150 … 60; None adapts it to the signal."""
     real: bool = False
     """Whether a receiver has one mixer and one converter. Its samples are real, sqrt(2) Re(s) of the complex ones s:
     the mean square of a beat is the received power [W], as that of |s|. Beat frequencies reach half the sample rate."""

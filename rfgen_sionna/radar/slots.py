@@ -74,11 +74,15 @@ class Slot:
 
     def weights(self, loops: int, step_deg: float = 0.0) -> ComplexArray:
         """(loop, tx) factors of magnitude 1, 0 for inactive elements; one row without an advance."""
-        phase = np.mod(self.phases(loops if self.advance_deg else 1, step_deg), 360.0)
-        # Exact quarter turns, for exact codes of ±1.
-        turn = np.exp(1j * np.radians(phase))
-        turn = np.where(phase % 90 == 0, np.rint(turn.real) + 1j * np.rint(turn.imag), turn)
-        return np.where(np.isnan(phase), 0.0, turn)
+        phase = self.phases(loops if self.advance_deg else 1, step_deg)
+        return np.where(np.isnan(phase), 0.0, phasors(phase))
+
+
+def phasors(phase_deg: FloatArray) -> ComplexArray:
+    """exp(j phase) of phases [degrees], exact for quarter turns."""
+    phase = np.mod(phase_deg, 360.0)
+    turn = np.exp(1j * np.radians(phase))
+    return np.asarray(np.where(phase % 90 == 0, np.rint(turn.real) + 1j * np.rint(turn.imag), turn))
 
 
 def single(tx: int, count: int, profile: int = 0) -> Slot:

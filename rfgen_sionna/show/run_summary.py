@@ -44,7 +44,7 @@ def summary(run: Run | str | os.PathLike[str]) -> str:
             ("environment", source.environment or "-"),
             ("radar", radar_line(source)),
             ("", f"at ({place}) m, yaw/pitch/roll ({angles})°, {limits}"),
-            ("ADC cube", f"{shape} (frame, chirp, tx, rx, sample) complex64, {len(source)} frames{step}"),
+            ("ADC cube", f"{shape} (frame, chirp, tx, rx, sample) {source.adc.dtype}, {len(source)} frames{step}"),
             ("PIR", _pir_line(source)),
         ]
         for actor in source.actors.values():

@@ -17,7 +17,7 @@ from rfgen_sionna.processing.azimuth import RangeAzimuth, range_azimuth
 from rfgen_sionna.processing.demultiplex import select_profile, select_slot
 from rfgen_sionna.processing.pointcloud import PointCloud, point_cloud
 from rfgen_sionna.processing.spectrogram import DopplerTime, RangeTime, doppler_time, micro_doppler, range_time
-from rfgen_sionna.processing.spectrum import range_doppler, watts_to_dbm
+from rfgen_sionna.processing.spectrum import range_axis, range_doppler, watts_to_dbm
 from rfgen_sionna.radar import Radar
 
 
@@ -127,7 +127,8 @@ def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
     """Range-Doppler and range-azimuth maps and the point cloud of one frame; `static` keeps static returns."""
     samples, radar = displayed_samples(run, run.adc[frame])
     # At most 12 training cells, fewer in short frames.
-    train = (min(12, (samples.shape[-1] - 1) // 4), 0)
+    rows = len(range_axis(radar, 2 * samples.shape[-1]))
+    train = (min(12, (rows // 2 - 1) // 4), 0)
     guard = (train[0] // 3, 0)
     maps = range_doppler(
         samples, radar, static=static, velocity_bins=2 * samples.shape[0], range_bins=2 * samples.shape[3]

@@ -43,20 +43,22 @@ def check_whole(name: str, value: Any) -> int:
 
 
 def noise_power(radar: Radar) -> float:
-    """Noise power in one complex sample [W]: k T F B, with the largest complex sample rate as bandwidth B."""
+    """Noise power in one sample [W]: k T F B. The bandwidth B is the largest sample rate, half of it for a real ADC."""
     return _density(radar) * max(profile.sample_rate for profile in radar.waveform.profiles)
 
 
 def _density(radar: Radar) -> float:
-    """k T F [W/Hz]"""
-    return BOLTZMANN * radar.temperature * 10.0 ** (radar.noise_figure_db / 10.0)
+    """Noise power in one sample over the sample rate [W/Hz]: k T F, half of it for a real ADC."""
+    density = BOLTZMANN * radar.temperature * 10.0 ** (radar.noise_figure_db / 10.0)
+    return 0.5 * density if radar.adc.real else density
 
 
 def add_thermal_noise(samples: NDArray[np.complex128], radar: Radar, seed: int, frame: int) -> None:
     """Add circular white Gaussian noise in place to the `samples` of one frame [sqrt(W)].
 
-    `samples` has any shape, but (..., tx, rx, sample) where profiles sample at different rates. The noise depends on
-    `seed`, `frame`, and the name and pose of the radar alone.
+    `samples` has any shape, but (..., tx, rx, sample) where profiles sample at different rates; they are complex, also
+    for a real ADC, before its real part is taken. The noise depends on `seed`, `frame`, and the name and pose of the
+    radar alone.
     """
     rng = frame_stream(seed, "thermal_noise", frame, radar)
     wave = radar.waveform

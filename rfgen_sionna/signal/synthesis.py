@@ -90,7 +90,8 @@ def synthesize(
 
     Returns
     -------
-    (chirp, tx, rx, sample) [sqrt(W)], of the shape `radar.frame_shape`.
+    (chirp, tx, rx, sample) [sqrt(W)], of the shape `radar.frame_shape`. They are complex for a real ADC as well, the
+    real part of which :func:`~rfgen_sionna.signal.receiver.receiver.receive` takes.
 
     Raises
     ------
@@ -127,7 +128,8 @@ def synthesize(
         tx, axis = list(waveform.profile_tx(number)), list(waveform.profile_axis(number))
         own = paths if part is radar else _subset(paths, tx, slice(None))
         # The mixer conjugates the received signal.
-        weights = np.conj(part.waveform.axis_weights) * gains[tx]
+        tx_feeds, rx_feeds = (feeds.conj() for feeds in part.feed_factors)
+        weights = np.conj(part.waveform.axis_weights) * (gains[tx] * tx_feeds)
         still = not np.any(own.tau_rate) and bool(np.all(own.tau == own.tau[..., :1]))
         with one_blas_thread():
             echoes = (
@@ -136,7 +138,7 @@ def synthesize(
                 else _synthesize_moving(part, own, start, weights, eps, device)
             )
             for (entry, tx_index, rx), echo in echoes:
-                factor = weights[:, entry, tx_index, None]
+                factor = weights[:, entry, tx_index, None] * rx_feeds[rx]
                 samples[:, axis[entry], rx] += echo if np.all(factor == 1) else factor * echo
     return samples
 

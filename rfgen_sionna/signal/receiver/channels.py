@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna._types import ComplexArray
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.noise import device_stream
 from rfgen_sionna.signal.receiver.value_checks import check_number, number_or_numbers, per_element
@@ -18,7 +18,7 @@ Matrix = tuple[tuple[complex, ...], ...]
 
 @dataclass(frozen=True)
 class Coupling:
-    """Mutual coupling of the Rx antennas: port r receives sum_q matrix[r][q] times the field at element q.
+    """Mutual coupling of the Rx antennas: port r has sum_q matrix[r][q] times the own signal of port q.
 
     Coupling of the Tx antennas is not modelled.
     """
@@ -39,7 +39,7 @@ class Coupling:
     def of_neighbours(cls, radar: Radar, level_db: float, phase_deg: float = 0.0) -> Coupling:
         """Coupling by distance d: `level_db` and `phase_deg` at half a wavelength, a level with 1/d and the phase of d.
 
-        Elements more than three wavelengths apart have no coupling.
+        Elements more than three wavelengths apart have no coupling. Phases of feeds turn that of the patches.
         """
         check_number("coupling.level_db", level_db, -200, 0, "dB")
         check_number("coupling.phase_deg", phase_deg, -360, 360, "degrees")
@@ -48,6 +48,8 @@ class Coupling:
         gap[np.diag_indices(len(gap))] = np.inf
         phase = math.radians(phase_deg) - math.pi * np.where(np.isinf(gap), 0.0, gap / half - 1)
         matrix = 10.0 ** (level_db / 20) * half / gap * np.exp(1j * phase) * (gap <= 6 * half * (1 + 1e-9))
+        feeds = np.conj(radar.feed_factors[1])
+        matrix = matrix * feeds[:, None] * np.conj(feeds)
         return cls(tuple(map(tuple, matrix + np.eye(len(gap)))))
 
     def apply(self, samples: ComplexArray) -> ComplexArray:
@@ -135,18 +137,25 @@ class IqImbalance:
         return np.asarray(direct[:, None] * samples + image[:, None] * np.conj(samples))
 
     def check(self, radar: Radar) -> None:
-        """Raise if lists have not one value for each Rx element of `radar`."""
+        """Raise if lists have not one value for each Rx element of `radar`, or it has no Q."""
+        if radar.adc.real:
+            raise ValueError(
+                f"receiver.iq_imbalance: radar '{radar.name}' has one mixer and converter for each Rx element "
+                "(adc.real), thus no Q; leave iq_imbalance out"
+            )
         self.coefficients(radar)
 
 
 @dataclass(frozen=True)
 class DcOffset:
-    """A constant voltage in I and Q of each receiver."""
+    """A constant voltage in I and Q of each receiver, or in the one real signal."""
 
     level_dbm: float | tuple[float, ...]
-    """Power I^2 + Q^2 at the receiver input [dBm]; one number, or one for each Rx element."""
+    """Power I^2 + Q^2, or the square of a real signal, at the receiver input [dBm]; one number, or one for each Rx
+    element."""
     phase_deg: float | tuple[float, ...] | None = None
-    """Angle of (I, Q) [degrees]; one number, or one for each Rx element. None draws one for each, for all frames."""
+    """Angle of (I, Q) [degrees], 0 or 180 for a real signal; one number, or one for each Rx element. None draws one for
+    each, for all frames."""
 
     def __post_init__(self) -> None:
         level = number_or_numbers("dc_offset.level_dbm", self.level_dbm, -250, 60, "dBm")
@@ -155,14 +164,21 @@ class DcOffset:
             phase = number_or_numbers("dc_offset.phase_deg", self.phase_deg, -360, 360, "degrees")
             object.__setattr__(self, "phase_deg", phase)
 
-    def offsets(self, radar: Radar, seed: int) -> ComplexArray:
-        """(rx,) [sqrt(W)]"""
+    def offsets(self, radar: Radar, seed: int) -> ComplexArray | FloatArray:
+        """(rx,) [sqrt(W)], real ones for a real ADC."""
         level = per_element("dc_offset.level_dbm", self.level_dbm, radar.rx_names)
         if self.phase_deg is None:
             phase = device_stream(seed, "dc_offset", radar).uniform(0, 2 * math.pi, len(radar.rx_names))
         else:
-            phase = np.radians(per_element("dc_offset.phase_deg", self.phase_deg, radar.rx_names))
-        return np.asarray(10.0 ** ((level - 30) / 20) * np.exp(1j * phase))
+            degrees = per_element("dc_offset.phase_deg", self.phase_deg, radar.rx_names)
+            if radar.adc.real and np.any(degrees % 180):
+                raise ValueError(
+                    f"dc_offset.phase_deg is {self.phase_deg!r}: radar '{radar.name}' has real samples (adc.real), "
+                    "whose offset has a phase of 0 or 180 degrees"
+                )
+            phase = np.radians(degrees)
+        size = 10.0 ** ((level - 30) / 20)
+        return size * np.where(np.cos(phase) < 0, -1.0, 1.0) if radar.adc.real else size * np.exp(1j * phase)
 
     def check(self, radar: Radar) -> None:
         """Raise if lists have not one value for each Rx element of `radar`."""

@@ -36,7 +36,8 @@ from rfgen_sionna.signal.receiver.oscillator import PhaseNoise, RampError
 from rfgen_sionna.signal.receiver.static_paths import StaticPath, tone
 
 NEGATIVE_SHARE = 1 / 32
-"""Share of the range window that counts as below zero, for approaching targets and leakage of near ones."""
+"""Share of the range window that counts as below zero, for approaching targets and leakage of near ones; half of it
+with a real ADC, whose mixer folds both sidebands."""
 _ROWS = 500_000  # grid points of all channels at a time: bounds the memory of a thread to about 50 MB
 
 _FITTED_ROWS = 96  # chirps and channels of a frame that the predictor is fitted to: bounds the time of the fit
@@ -68,7 +69,7 @@ class _BeatGrid:
         rate, slope = waveform.sample_rate, waveform.slope
         gap = gap_length(waveform.num_samples)
         count = waveform.num_samples + gap
-        first = -round(NEGATIVE_SHARE * count)
+        first = -round((0.5 if radar.adc.real else NEGATIVE_SHARE) * count)
         steps = np.arange(first, first + count)
         delays = np.asarray(steps * rate / (count * abs(slope)), dtype=np.float64)
         # exp(j a x) on -1 … 1 converges beyond a + O(a^(1/3)) nodes.

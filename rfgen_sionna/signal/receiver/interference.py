@@ -41,7 +41,8 @@ class Interferer:
     start: float | None = None
     """Start of its first frame, from the start of the own first frame [s]; None draws one within its frame period."""
     if_band_hz: tuple[float, float] | None = None
-    """Edges (-6 dB) of the receiver's IF band on the targets' side [Hz]; None takes 0 to 0.9 of the sample rate."""
+    """Edges (-6 dB) of the receiver's IF band on the targets' side [Hz]; None takes 0 to 0.9 of the sample rate, for a
+    real ADC 0.45 of it. A single mixer passes both sides alike."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.radar, Radar):
@@ -64,6 +65,11 @@ class Interferer:
             )
         low, high = self.band(radar)
         rate = radar.waveform.sample_rate
+        if radar.adc.real and (low < 0 or high > 0.5 * (1 - TRANSITION_SHARE) * rate * (1 + 1e-9)):
+            raise ValueError(
+                f"interferer.if_band_hz is {(low, high)!r}; radar '{radar.name}' has real samples (adc.real), 0 … "
+                f"{0.5 * (1 - TRANSITION_SHARE) * rate:g} Hz fit its sample rate of {rate:g} Hz without aliases"
+            )
         if high - low > (1 - TRANSITION_SHARE) * rate * (1 + 1e-9):
             raise ValueError(
                 f"interferer.if_band_hz is {(low, high)!r}, {high - low:g} Hz wide; at most "
@@ -72,7 +78,7 @@ class Interferer:
 
     def band(self, radar: Radar) -> tuple[float, float]:
         """Edges of the IF band on the targets' side [Hz]."""
-        return self.if_band_hz or (0.0, IF_SHARE * radar.waveform.sample_rate)
+        return self.if_band_hz or (0.0, IF_SHARE * radar.waveform.sample_rate * (0.5 if radar.adc.real else 1.0))
 
     def direction(self, radar: Radar) -> FloatArray:
         """(3,) unit vector towards the other radar, in the device frame of `radar`."""
@@ -114,6 +120,7 @@ class Interferer:
         for number in range(len(self.radar.waveform.profiles)):
             replace(self, radar=self.radar.of_profile(number))._add(bursts, radar, frame, start, rng)
         steering = np.exp(-2j * math.pi / radar.wavelength * (radar.rx_positions @ self.direction(radar)))
+        steering = steering * np.conj(radar.feed_factors[1])
         return np.asarray(bursts[:, :, None, :] * steering[:, None])
 
     def _add(self, bursts: ComplexArray, radar: Radar, frame: int, start: float, rng: np.random.Generator) -> None:
@@ -155,8 +162,7 @@ class Interferer:
 
         own, other = radar.waveform, self.radar.waveform
         margin, taps = _filter(radar, self.band(radar))
-        low, high = self.band(radar)
-        middle = 0.5 * (low + high) * np.sign(own.slope or 1.0)
+        middle = _middle(radar, self.band(radar))
         rate = own.sample_rate * OVERSAMPLING
         lead = round(margin * rate)
         t = own.adc_start_time + np.arange(-lead, own.num_samples * OVERSAMPLING + lead) / rate
@@ -182,19 +188,29 @@ def _beat(radar: Radar, other: Radar, t: FloatArray, ramps: FloatArray) -> Float
     return np.asarray(own.start_frequency + own.slope * t - their.start_frequency - their.slope * (t - ramps))
 
 
+def _middle(radar: Radar, band: tuple[float, float]) -> float:
+    """Middle of the band after the mixer [Hz]; 0 for a single mixer, which passes both sides."""
+    return 0.0 if radar.adc.real else float(0.5 * (band[0] + band[1]) * np.sign(radar.waveform.slope or 1.0))
+
+
 def _span(radar: Radar, band: tuple[float, float]) -> tuple[float, float]:
     """Frequency limits of the fine grid [Hz]."""
-    middle = 0.5 * (band[0] + band[1]) * np.sign(radar.waveform.slope or 1.0)
+    middle = _middle(radar, band)
     half = 0.5 * radar.waveform.sample_rate * OVERSAMPLING
     return middle - half, middle + half
 
 
 def _filter(radar: Radar, band: tuple[float, float]) -> tuple[float, FloatArray]:
-    """Half the length [s] and the taps of the low-pass about the middle of the band, on the fine grid."""
+    """Half the length [s] and the taps of the filter about the middle of the band, on the fine grid: a low-pass, or a
+    band-pass on both sides of zero for a single mixer."""
     from scipy.signal import firwin, kaiserord
 
     rate = radar.waveform.sample_rate * OVERSAMPLING
     count, beta = kaiserord(REJECTION_DB, 2 * TRANSITION_SHARE / OVERSAMPLING)
     count |= 1
-    taps = firwin(count, 0.5 * (band[1] - band[0]), window=("kaiser", beta), fs=rate)
+    if radar.adc.real:
+        edges = (band[1],) if band[0] == 0 else band
+        taps = firwin(count, edges, window=("kaiser", beta), fs=rate, pass_zero=len(edges) == 1)
+    else:
+        taps = firwin(count, 0.5 * (band[1] - band[0]), window=("kaiser", beta), fs=rate)
     return (count // 2) / rate, np.asarray(taps)

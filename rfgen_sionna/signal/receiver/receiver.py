@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._types import ComplexArray
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Adc, Radar
 from rfgen_sionna.signal.noise import add_thermal_noise, check_whole, frame_stream, noise_power
 from rfgen_sionna.signal.receiver.channels import Coupling, DcOffset, IqImbalance, Mismatch
@@ -104,6 +104,11 @@ class Receiver:
     def check(self, radar: Radar) -> None:
         """Raise a ValueError, naming field, value and cure, if something does not fit `radar`."""
         static_paths(radar, self.leakage, self.chassis, self.range_bias)
+        if isinstance(self.adc, Adc) and self.adc.real != radar.adc.real:
+            raise ValueError(
+                f"receiver.adc.real is {self.adc.real} and that of radar '{radar.name}' is {radar.adc.real}: the radar "
+                f"determines whether samples are real; take Adc(..., real={radar.adc.real})"
+            )
         flat = any(profile.slope == 0 for profile in radar.waveform.profiles)
         if flat and (self.ramp_error is not None or self.phase_noise is not None):
             raise ValueError(
@@ -127,14 +132,14 @@ def receive(
     """Samples of one frame behind the receiver.
 
     Order: echoes, leakage and chassis, delayed by the range bias; the generator's ramp error and phase noise, by the
-    delay of each path; Tx chains; interference; coupling of the Rx antennas; thermal noise; Rx chains; IQ imbalance; DC
-    offset; ADC.
+    delay of each path; Tx chains; interference; coupling of the Rx antennas; thermal noise; Rx chains; IQ imbalance or
+    the real part; DC offset; ADC.
 
     Parameters
     ----------
     samples
-        (chirp, tx, rx, sample) of :func:`~rfgen_sionna.signal.synthesize` [sqrt(W)], not modified; they include
-        `receiver.tx_gains`.
+        (chirp, tx, rx, sample) complex ones of :func:`~rfgen_sionna.signal.synthesize` [sqrt(W)], not modified; they
+        include `receiver.tx_gains`.
     seed, frame
         Draws depend on these, on the radar's name and pose (at t = 0) and on the name of the impairment alone.
         Properties of the device (mismatch, phase of the DC offset, clocks of interferers) do not depend on `frame`.
@@ -144,10 +149,12 @@ def receive(
     Raises
     ------
     ValueError
-        If the shape of the samples or the receiver does not fit `radar`.
+        If the shape of the samples or the receiver does not fit `radar`, or the samples are real.
     """
     if samples.shape != radar.frame_shape:
         raise ValueError(f"samples have the shape {samples.shape}; radar '{radar.name}' makes {radar.frame_shape}")
+    if radar.adc.real and np.isrealobj(samples):
+        raise ValueError(f"samples are {samples.dtype}: the complex ones of synthesize are needed, also for a real ADC")
     seed, frame = check_whole("seed", seed), check_whole("frame", frame)
     receiver.check(radar)
     out = np.array(samples, dtype=np.complex128)
@@ -165,10 +172,11 @@ def receive(
         out *= rx_gain[:, None]
     if receiver.iq_imbalance is not None:
         out = receiver.iq_imbalance.apply(out, radar)
+    received: ComplexArray | FloatArray = math.sqrt(2) * out.real if radar.adc.real else out
     if receiver.dc_offset is not None:
-        out += receiver.dc_offset.offsets(radar, seed)[:, None]
+        received += receiver.dc_offset.offsets(radar, seed)[:, None]
     adc = receiver.converter(radar)
-    return ReceivedFrame(out) if adc is None else convert(out, radar, adc, full_scale)
+    return ReceivedFrame(received) if adc is None else convert(received, radar, adc, full_scale)
 
 
 def _one_profile(
@@ -206,21 +214,21 @@ def _one_profile(
 
 
 AUTOMATIC_HEADROOM = 2.0
-"""Least ratio of an automatic full scale to the largest I or Q that it is set from."""
+"""Least ratio of an automatic full scale to the largest I or Q, or real sample, that it is set from."""
 
 
 @dataclass(frozen=True)
 class ReceivedFrame:
     """Samples of one frame behind the receiver."""
 
-    samples: ComplexArray
-    """(chirp, tx, rx, sample) in square roots of watts at the receiver input."""
+    samples: ComplexArray | FloatArray
+    """(chirp, tx, rx, sample) in square roots of watts at the receiver input; real ones of a real ADC."""
     adc: Adc | None = None
     """None for samples that are not quantised."""
     full_scale: float | None = None
-    """Largest I or Q of the converters [sqrt(W)]; None for samples that are not quantised."""
+    """Largest I or Q, or real sample, of the converters [sqrt(W)]; None for samples that are not quantised."""
     clipped: float = 0.0
-    """Share of the words of I and Q beyond the range."""
+    """Share of the converters' words beyond the range."""
 
     @property
     def lsb(self) -> float | None:
@@ -229,32 +237,36 @@ class ReceivedFrame:
 
     @property
     def words(self) -> NDArray[np.int16] | NDArray[np.int32]:
-        """(chirp, tx, rx, sample, 2) signed words of I and Q: `samples` in units of `lsb`, exactly. Samples that are
-        not quantised are a ValueError."""
+        """(chirp, tx, rx, sample, 2) signed words of I and Q, or (chirp, tx, rx, sample) real ones: `samples` in units
+        of `lsb`, exactly. Samples that are not quantised are a ValueError."""
         if self.adc is None or self.lsb is None:
             raise ValueError("capture.words: the receiver had no ADC (Receiver(adc=...))")
-        parts = np.stack([self.samples.real, self.samples.imag], axis=-1) / self.lsb
-        words = np.rint(parts)
+        parts = self.samples if self.adc.real else np.stack([self.samples.real, self.samples.imag], axis=-1)
+        words = np.rint(parts / self.lsb)
         return words.astype(np.int16) if self.adc.bits <= 16 else words.astype(np.int32)
 
 
-def convert(samples: ComplexArray, radar: Radar, adc: Adc, full_scale: float | None = None) -> ReceivedFrame:
-    """Round I and Q to the nearest of 2^bits steps and clip them to -2^(bits-1) … 2^(bits-1) - 1 steps.
+def convert(
+    samples: ComplexArray | FloatArray, radar: Radar, adc: Adc, full_scale: float | None = None
+) -> ReceivedFrame:
+    """Round I and Q, or real samples, to the nearest of 2^bits steps, clipped to -2^(bits-1) … 2^(bits-1) - 1 steps.
 
     The range is that of `adc.full_scale_dbm`. An automatic range is `full_scale` [sqrt(W)]; without one, the power of
-    two that leaves 6 to 12 dB above the largest I or Q of these samples, or the noise. Samples are exact in float32.
+    two that leaves 6 to 12 dB above the largest I, Q or real one of these samples, or the noise. Samples are exact in
+    float32.
     """
     if adc.full_scale_dbm is not None:
-        full_scale = 10.0 ** ((adc.full_scale_dbm - 30) / 20)
+        full_scale = 10.0 ** ((adc.full_scale_dbm - 30) / 20) * (math.sqrt(2) if adc.real else 1.0)
     elif full_scale is None:
-        peak = max(float(np.abs(samples.real).max(initial=0.0)), float(np.abs(samples.imag).max(initial=0.0)))
+        peak = max(float(np.abs(part).max(initial=0.0)) for part in (samples.real, samples.imag))
         least = AUTOMATIC_HEADROOM * max(peak, noise_power(radar) ** 0.5, 1e-20)
         full_scale = 2.0 ** math.ceil(math.log2(least))
     half = 2 ** (adc.bits - 1)
     lsb = full_scale / half
     out, beyond = np.empty_like(samples), 0
-    for part, target in ((samples.real, out.real), (samples.imag, out.imag)):
+    parts = [(samples, out)] if adc.real else [(samples.real, out.real), (samples.imag, out.imag)]
+    for part, target in parts:
         words = np.rint(part / lsb)
         beyond += int(np.count_nonzero((words < -half) | (words > half - 1)))
         target[...] = np.clip(words, -half, half - 1) * lsb
-    return ReceivedFrame(out, adc, full_scale, beyond / max(2 * samples.size, 1))
+    return ReceivedFrame(out, adc, full_scale, beyond / max(len(parts) * samples.size, 1))

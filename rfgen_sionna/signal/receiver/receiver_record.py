@@ -16,6 +16,8 @@ from rfgen_sionna.signal.receiver.channels import Coupling
 from rfgen_sionna.signal.receiver.interference import Interferer
 from rfgen_sionna.signal.receiver.receiver import PARTS, Receiver
 
+ReceiverSource = Receiver | Mapping[str, Any] | str | PathLike[str]
+"""A receiver, its record, or a TOML file with the keys of a record."""
 _KNOWN = (*PARTS, "coupling", "interferers", "thermal_noise", "adc")
 
 
@@ -68,7 +70,7 @@ def receiver_from_record(record: Mapping[str, Any], radar: Radar) -> Receiver:
         raise ValueError(str(error)) from error
 
 
-def read_receiver(source: Receiver | Mapping[str, Any] | str | PathLike[str], radar: Radar) -> Receiver:
+def read_receiver(source: ReceiverSource, radar: Radar) -> Receiver:
     """Receiver from a Receiver, a record or a TOML file with the keys of a record, checked against `radar`.
 
     Raises
@@ -91,9 +93,26 @@ def read_receiver(source: Receiver | Mapping[str, Any] | str | PathLike[str], ra
         except ValueError as error:
             raise ValueError(f"receiver file '{path}': {error}") from error
     else:
-        raise TypeError(f"receiver is {source!r}: a Receiver, a table or the path of a TOML file is needed")
+        raise TypeError(f"receiver is {source!r}: a Receiver, a table, the path of a TOML file or None is needed")
     receiver.check(radar)
     return receiver
+
+
+def chosen_receiver(source: ReceiverSource | None, radar: Radar, noise: bool) -> Receiver:
+    """Receiver of the arguments `receiver` and `noise` of a run, checked against `radar`.
+
+    None is thermal noise and the radar's ADC, or without `noise` the ideal receiver; without `noise` another receiver
+    loses its thermal noise.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`read_receiver`.
+    """
+    if source is None:
+        return Receiver() if noise else Receiver.ideal()
+    known = read_receiver(source, radar)
+    return known if noise else known.without_noise()
 
 
 def _check_keys(label: str, record: Mapping[str, Any], known: Sequence[str]) -> None:

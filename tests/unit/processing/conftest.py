@@ -20,7 +20,8 @@ def beat_cube(
 ) -> np.ndarray:
     """(frame, chirp, tx, rx, sample) of targets (position at time 0, velocity, amplitude) in the device frame.
 
-    Exact spherical paths per element pair, every sample at its own instant.
+    Exact spherical paths per element pair, every sample at its own instant. A real ADC has sqrt(2) times the real part
+    and half the noise power. Feeds turn the wave, of which the mixer takes the conjugate.
     """
     wave = radar.waveform
     fast = wave.adc_start_time + np.arange(wave.num_samples) / wave.sample_rate
@@ -41,10 +42,15 @@ def beat_cube(
                 for rx in range(cube.shape[3]):
                     tau = (out + np.linalg.norm(point - radar.rx_positions[rx], axis=-1)) / C
                     turns = wave.start_frequency * tau + wave.slope * fast * tau - 0.5 * wave.slope * tau**2
+                    for phases, element in ((radar.tx_phases_deg, tx), (radar.rx_phases_deg, rx)):
+                        turns -= phases[element] / 360 if phases else 0.0
                     cube[frame, :, tx, rx] += amplitude * np.exp(2j * np.pi * (turns % 1))
     if noise:
         rng = np.random.default_rng(seed)
-        cube += noise * np.sqrt(0.5) * (rng.standard_normal(cube.shape) + 1j * rng.standard_normal(cube.shape))
+        share = noise / np.sqrt(2) if radar.adc.real else noise
+        cube += share * np.sqrt(0.5) * (rng.standard_normal(cube.shape) + 1j * rng.standard_normal(cube.shape))
+    if radar.adc.real:
+        return (np.sqrt(2) * cube.real).astype(np.float32)
     return cube.astype(np.complex64)
 
 
