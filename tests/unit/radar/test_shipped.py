@@ -98,8 +98,11 @@ def test_the_24_ghz_chirps_keep_to_their_band_and_their_clock() -> None:
 def test_what_no_source_tells_is_marked(name: str) -> None:
     sources = read_config(resolve("radars", name))["source"]
     assert "assumption" in sources["array.polarization"]
-    if name != "awr1843":
-        assert any(word in sources["pattern"] for word in ("assumption", "not confirmed"))
+    assert all(
+        any(word in text for word in ("assumption", "not confirmed"))
+        for key, text in sources.items()
+        if key in ("pattern", "pattern.azimuth_db", "pattern.elevation_db")
+    )
     if name.startswith("position2go"):
         assert all("not confirmed" in sources[key] for key in ("transmitter.power_dbm", "receiver.noise_figure_db"))
 
@@ -138,7 +141,7 @@ def every_number() -> list[tuple[str, str, str]]:
 def _scales(value: Any) -> bool:
     """Whether a prefix would change a number: not a text, and not zeros alone."""
     numbers = value if isinstance(value, list) else [value]
-    if not all(isinstance(number, (int, float, list)) for number in numbers):
+    if not all(isinstance(number, (int, float, list)) and not isinstance(number, bool) for number in numbers):
         return False
     return bool(np.any(numbers)) and numbers != [[1, 1], [1, -1]]
 
