@@ -1,11 +1,11 @@
-"""Strict reading of the TOML files in `radars/`: unknown keys, missing keys and wrong types are errors."""
+"""Strict reading of radar files in TOML: unknown keys, missing keys and wrong types are errors, all told at once."""
 
 from __future__ import annotations
 
 import copy
 import math
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,28 +41,22 @@ def check_plausible(
         )
 
 
-def check_units(table: Mapping[str, Any], where: str) -> None:
-    """Check magnitudes in a radar file of correct keys and types.
-
-    Raises
-    ------
-    RadarConfigError
-        A value is out of range.
-    """
+def _unit_checks(table: Mapping[str, Any]) -> Iterator[tuple[Callable[..., None], tuple[Any, ...]]]:
+    """Checks of the magnitudes in a file of correct keys and types, with their arguments."""
     for dotted, (low, high) in _ZERO_OR.items():
         section, _, key = dotted.partition(".")
         value = table[section].get(key)
         if isinstance(value, (int, float)) and value != 0:
-            check_plausible(f"{where}: {section}", key, value, low, high, "0 or, in magnitude, ")
+            yield check_plausible, (section, key, value, low, high, "0 or, in magnitude, ")
     for value in table["transmitter"]["frequency_range_hz"]:
-        check_plausible(f"{where}: transmitter", "frequency_range_hz", value, *_FREQUENCY, signed=False)
+        yield check_plausible, ("transmitter", "frequency_range_hz", value, *_FREQUENCY, "", False)
     pattern = table["pattern"]
     for cut in ("azimuth", "elevation"):
-        check_cut(f"{where}: pattern", cut, pattern.get(f"{cut}_deg", ()), pattern.get(f"{cut}_db", ()))
+        yield check_cut, ("pattern", cut, pattern.get(f"{cut}_deg", ()), pattern.get(f"{cut}_db", ()))
     phases = [("array", key, angle) for key in _PHASES for angle in table["array"].get(key, ())]
     for place, key, angle in (*phases, *_slot_angles(table["preset"])):
         if angle != 0:
-            check_plausible(f"{where}: {place}", key, angle, *_SLOT_PHASE, "0 or, in magnitude, ")
+            yield check_plausible, (place, key, angle, *_SLOT_PHASE, "0 or, in magnitude, ")
 
 
 def check_cut(where: str, cut: str, angles: Any, levels: Any) -> None:
@@ -125,6 +119,7 @@ _POLARIZATIONS = ("polarization", "tx_polarization", "rx_polarization")
 _PHASES = ("tx_phases_deg", "rx_phases_deg")
 _CUTS = ("peak_gain_dbi", "azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db")
 _OPTIONAL: dict[str, set[str]] = {
+    "": {"source"},
     "array": {"design_frequency_hz", *_POSITIONS["tx"], *_POSITIONS["rx"], *_POLARIZATIONS, *_PHASES},
     "pattern": {"kind", "file", *_CUTS},
     "transmitter": {"phase_step_deg"},
@@ -142,32 +137,41 @@ _ITEMS: dict[str, _Types] = (
 """Types of list entries; other lists hold numbers."""
 
 
-def _check_value(value: Any, wanted: tuple[type, ...], what: str) -> None:
+_SECTIONS = ("array", "pattern", "transmitter", "receiver", "adc")
+_MISSING, _UNKNOWN, _VALUE = range(3)
+"""Kinds of problems, in the order in which they are told."""
+
+_Problems = Iterator[tuple[int, str]]
+
+
+def _value_problems(value: Any, wanted: tuple[type, ...], what: str) -> _Problems:
     if not isinstance(value, wanted) or (isinstance(value, bool) and bool not in wanted):
-        raise RadarConfigError(f"{what} is {value!r}; {' or '.join(t.__name__ for t in wanted)} is needed")
-    if isinstance(value, float) and not math.isfinite(value):  # TOML allows nan and inf
-        raise RadarConfigError(f"{what} is {value!r}; a finite number is needed")
+        yield _VALUE, f"{what} is {value!r}; {' or '.join(t.__name__ for t in wanted)} is needed"
+    elif isinstance(value, float) and not math.isfinite(value):  # TOML allows nan and inf
+        yield _VALUE, f"{what} is {value!r}; a finite number is needed"
 
 
-def _check(table: dict[str, Any], section: str, where: str) -> None:
-    schema = _SCHEMA[section.partition(".")[0]]
+def _section_problems(table: dict[str, Any], section: str, kind: str | None = None) -> _Problems:
+    """Missing keys, unknown keys and values of a wrong type in one section of a kind (default: its own name)."""
+    kind = section if kind is None else kind
+    schema, optional = _SCHEMA[kind], _OPTIONAL.get(kind, set())
     prefix = f"{section}." if section else ""
+    for key in schema:
+        if key not in table and key not in optional:
+            yield _MISSING, f"'{prefix}{key}' is missing"
     for key, value in table.items():
+        what = f"'{prefix}{key}'"
         if key not in schema:
-            raise RadarConfigError(f"{where}: unknown key '{prefix}{key}'; known there: {', '.join(sorted(schema))}")
-        what = f"{where}: '{prefix}{key}'"
-        _check_value(value, schema[key], what)
+            yield _UNKNOWN, f"unknown key {what}; known there: {', '.join(sorted(schema))}"
+            continue
+        yield from _value_problems(value, schema[key], what)
         for item in value if isinstance(value, list) else ():
-            _check_value(item, _ITEMS.get(key, _NUMBER), f"an entry of {what}")
+            yield from _value_problems(item, _ITEMS.get(key, _NUMBER), f"an entry of {what}")
             if isinstance(item, list):
                 if len(item) != 3 and "_positions_" in key:
-                    raise RadarConfigError(f"an entry of {what} is {item!r}; three numbers x, y, z are needed")
+                    yield _VALUE, f"an entry of {what} is {item!r}; three numbers x, y, z are needed"
                 for coordinate in item:
-                    _check_value(coordinate, _NUMBER, f"a number in {what}")
-    needed = [key for key in schema if key not in _OPTIONAL.get(section.partition(".")[0], ())]
-    for key in needed:
-        if key not in table:
-            raise RadarConfigError(f"{where}: '{prefix}{key}' is missing (needed: {', '.join(needed)})")
+                    yield from _value_problems(coordinate, _NUMBER, f"a number in {what}")
 
 
 def read_config(path: Path) -> dict[str, Any]:
@@ -187,109 +191,121 @@ def read_config(path: Path) -> dict[str, Any]:
 
 
 def check_config(table: dict[str, Any], where: str) -> None:
-    """Check the keys and types of a parsed radar file; `where` names it in errors."""
-    _check(table, "", where)
-    sections = ("array", "pattern", "transmitter", "receiver", "adc")
-    for section in sections:
-        _check(table[section], section, where)
-    _check_array(table["array"], where)
-    _check_pattern(table["pattern"], where)
-    if not table["preset"]:
-        raise RadarConfigError(f"{where}: at least one [preset.NAME] is needed")
-    for name, preset in table["preset"].items():
-        if not isinstance(preset, dict):
-            raise RadarConfigError(f"{where}: 'preset.{name}' is {preset!r}; a table is needed")
-        _check_preset(preset, f"preset.{name}", where)
-    if table["default_preset"] not in table["preset"]:
-        raise RadarConfigError(
-            f"{where}: default_preset is '{table['default_preset']}'; presets: {', '.join(sorted(table['preset']))}"
-        )
-    band = table["transmitter"]["frequency_range_hz"]
-    if len(band) != 2 or not 0 < band[0] < band[1]:
-        raise RadarConfigError(
-            f"{where}: 'transmitter.frequency_range_hz' is {band!r}; two positive frequencies, the "
-            "lower one first, are needed"
-        )
-    check_units(table, where)
-    sourced = set(table["source"])
-    for key, text in table["source"].items():
+    """Check the keys and types of a parsed radar file; `where` names it in errors.
+
+    Raises
+    ------
+    RadarConfigError
+        With all that is missing, unknown or wrong.
+    """
+    problems = [message for _, message in sorted(_problems(table), key=lambda problem: problem[0])]
+    for check, arguments in () if problems else _unit_checks(table):
+        try:
+            check(*arguments)
+        except RadarConfigError as error:
+            problems.append(str(error))
+    if len(problems) == 1:
+        raise RadarConfigError(f"{where}: {problems[0]}")
+    if problems:
+        raise RadarConfigError("\n- ".join([f"{where}: {len(problems)} entries are missing or wrong:", *problems]))
+
+
+def _problems(table: dict[str, Any]) -> _Problems:
+    yield from _section_problems(table, "")
+    inner = {name: table.get(name, {}) for name in (*_SECTIONS, "preset", "source")}
+    inner = {name: section if isinstance(section, dict) else {} for name, section in inner.items()}
+    for section in _SECTIONS:
+        yield from _section_problems(inner[section], section)
+    yield from _array_problems(inner["array"])
+    yield from _pattern_problems(inner["pattern"])
+    presets = inner["preset"]
+    if not presets:
+        needed = ", ".join(key for key in _SCHEMA["preset"] if key not in _OPTIONAL["preset"])
+        yield _MISSING, f"at least one [preset.NAME] is needed, with {needed}, tx_order, {', '.join(CHIRP)}"
+    for name, preset in presets.items():
+        if isinstance(preset, dict):
+            yield from _preset_problems(preset, f"preset.{name}")
+        else:
+            yield _VALUE, f"'preset.{name}' is {preset!r}; a table is needed"
+    if presets and isinstance(table.get("default_preset"), str) and table["default_preset"] not in presets:
+        yield _VALUE, f"default_preset is '{table['default_preset']}'; presets: {', '.join(sorted(presets))}"
+    band = inner["transmitter"].get("frequency_range_hz")
+    numbers = isinstance(band, list) and all(type(limit) in _NUMBER for limit in band)
+    if numbers and (len(band) != 2 or not 0 < band[0] < band[1]):
+        wanted = "two positive frequencies, the lower one first, are needed"
+        yield _VALUE, f"'transmitter.frequency_range_hz' is {band!r}; {wanted}"
+    for key, text in inner["source"].items():
         if not isinstance(text, str) or not text.strip():
-            raise RadarConfigError(f"{where}: source of '{key}' is {text!r}; a text is needed")
+            yield _VALUE, f"source of '{key}' is {text!r}; a text is needed"
         section, _, rest = key.partition(".")
-        if section in ("", "source") or section not in table or (rest and rest not in table[section]):
-            raise RadarConfigError(f"{where}: [source] names '{key}', which is not in the file")
-    for section in sections:
-        for key in table[section]:
-            if key.endswith(("_names", "_deg")) or key == "kind":
-                continue
-            if f"{section}.{key}" not in sourced and section not in sourced:
-                raise RadarConfigError(
-                    f"{where}: [source] has no entry for '{section}.{key}' (write 'assumption' if it is one)"
-                )
-    for name in table["preset"]:
-        if f"preset.{name}" not in sourced:
-            raise RadarConfigError(f"{where}: [source] has no entry for 'preset.{name}'")
+        known = presets if section == "preset" else _SCHEMA[section] if section in _SECTIONS else None
+        if known is None or rest not in ("", *known):
+            yield _UNKNOWN, f"[source] names '{key}', which is not in the file"
 
 
-def _check_preset(preset: dict[str, Any], section: str, where: str) -> None:
-    """Check a preset: one chirp or several profiles, Tx elements in turn or slot by slot."""
-    _check(preset, section, where)
+def _preset_problems(preset: dict[str, Any], section: str) -> _Problems:
+    """Problems of a preset: one chirp or several profiles, Tx elements in turn or slot by slot."""
+    yield from _section_problems(preset, section, "preset")
     for kind in ("profile", "slot"):
-        for index, entry in enumerate(preset.get(kind, ())):
-            _check(entry, kind, f"{where}: {section}.{kind}[{index}]")
+        entries = preset.get(kind, ())
+        for index, entry in enumerate(entries if isinstance(entries, list) else ()):
+            if isinstance(entry, dict):
+                yield from _section_problems(entry, f"{section}.{kind}[{index}]", kind)
     own = [key for key in CHIRP if key in preset]
     if "profile" in preset and own:
-        raise RadarConfigError(f"{where}: '{section}' has profiles and a '{own[0]}' of its own; it goes into a profile")
-    if "profile" not in preset and len(own) < len(CHIRP):
-        missing = min(set(CHIRP) - set(own))
-        raise RadarConfigError(f"{where}: '{section}.{missing}' is missing (needed: {', '.join(CHIRP)}, or profiles)")
-    if ("slot" in preset) == ("tx_order" in preset):
-        raise RadarConfigError(
-            f"{where}: '{section}' has {'both' if 'slot' in preset else 'neither'} of 'tx_order' (the Tx elements in "
-            "turn, or coded) and 'slot' (slot by slot); one of them is needed"
-        )
+        yield _VALUE, f"'{section}' has profiles and a '{own[0]}' of its own; it goes into a profile"
+    if "profile" not in preset:
+        for key in CHIRP:
+            if key not in preset:
+                yield _MISSING, f"'{section}.{key}' is missing{'' if own else ' (or profiles)'}"
+    if "slot" in preset and "tx_order" in preset:
+        yield _VALUE, f"'{section}' has both of 'tx_order' and 'slot'; one of them is needed"
+    if "slot" not in preset and "tx_order" not in preset:
+        each = "'tx_order' (the Tx elements in turn, or coded) and 'slot' (slot by slot)"
+        yield _MISSING, f"'{section}' has neither of {each}; one of them is needed"
     scheme = preset.get("multiplexing", "tdm")
     if "slot" in preset and "multiplexing" in preset:
-        raise RadarConfigError(f"{where}: '{section}.multiplexing' does not go with slots; leave it out")
+        yield _VALUE, f"'{section}.multiplexing' does not go with slots; leave it out"
     if scheme not in ("tdm", "bpm", "ddm"):
-        raise RadarConfigError(f"{where}: '{section}.multiplexing' is '{scheme}'; 'tdm', 'bpm' or 'ddm' is needed")
+        yield _VALUE, f"'{section}.multiplexing' is '{scheme}'; 'tdm', 'bpm' or 'ddm' is needed"
     for key, needed in (("bpm_code", "bpm"), ("doppler_bands", "ddm")):
         if key in preset and scheme != needed:
-            raise RadarConfigError(f"{where}: '{section}.{key}' goes with multiplexing = '{needed}' only")
+            yield _VALUE, f"'{section}.{key}' goes with multiplexing = '{needed}' only"
 
 
-def _check_array(array: dict[str, Any], where: str) -> None:
-    """Check that positions have one unit with its wavelength, and both ends a polarisation."""
+def _array_problems(array: dict[str, Any]) -> _Problems:
+    """Positions have one unit with its wavelength, and both ends a polarisation."""
     for known in _POSITIONS.values():
         given = [key for key in known if key in array]
         if len(given) != 1:
-            raise RadarConfigError(
-                f"{where}: [array] has {' and '.join(given) or 'no positions'}; "
-                f"either '{known[0]}' or '{known[1]}' is needed"
+            yield (
+                _VALUE if given else _MISSING,
+                f"[array] has {' and '.join(given) or 'no positions'}; either '{known[0]}' or '{known[1]}' is needed",
             )
-        if given[0].endswith("half_wavelengths") and "design_frequency_hz" not in array:
-            raise RadarConfigError(f"{where}: 'array.design_frequency_hz' is missing; array.{given[0]} counts in it")
+        elif given[0].endswith("half_wavelengths") and "design_frequency_hz" not in array:
+            yield _MISSING, f"'array.design_frequency_hz' is missing; array.{given[0]} counts in it"
     both, *each = _POLARIZATIONS
     given = [key for key in _POLARIZATIONS if key in array]
     if given not in ([both], each):
-        raise RadarConfigError(
-            f"{where}: [array] has {' and '.join(given) or 'no polarisation'}; either '{both}' or both of "
-            f"'{each[0]}' and '{each[1]}' are needed"
-        )
+        wanted = f"either '{both}' or both of '{each[0]}' and '{each[1]}' are needed"
+        yield _VALUE if given else _MISSING, f"[array] has {' and '.join(given) or 'no polarisation'}; {wanted}"
 
 
-def _check_pattern(pattern: dict[str, Any], where: str) -> None:
-    """Check the keys of the kind of pattern."""
+def _pattern_problems(pattern: dict[str, Any]) -> _Problems:
+    """The keys are those of the kind of pattern."""
     kind = pattern.get("kind", "cuts")
+    if not isinstance(kind, str):
+        return
     needed, optional = {"cuts": (_CUTS, ()), "table": (("file",), ("peak_gain_dbi",))}.get(kind, ((), ()))
     if not (needed or kind.startswith("sionna:")):
-        raise RadarConfigError(f"{where}: 'pattern.kind' is {kind!r}; 'cuts', 'table' or 'sionna:NAME' is needed")
+        yield _VALUE, f"'pattern.kind' is {kind!r}; 'cuts', 'table' or 'sionna:NAME' is needed"
+        return
     for key in needed:
         if key not in pattern:
-            raise RadarConfigError(f"{where}: 'pattern.{key}' is missing (needed: {', '.join(needed)})")
+            yield _MISSING, f"'pattern.{key}' is missing"
     for key in pattern:
-        if key not in ("kind", *needed, *optional):
-            raise RadarConfigError(f"{where}: 'pattern.{key}' does not go with pattern.kind = '{kind}'")
+        if key in _SCHEMA["pattern"] and key not in ("kind", *needed, *optional):
+            yield _VALUE, f"'pattern.{key}' does not go with pattern.kind = '{kind}'"
 
 
 def overridden(table: dict[str, Any], overrides: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -319,13 +335,11 @@ def overridden(table: dict[str, Any], overrides: Mapping[str, Any], where: str) 
             if not isinstance(inner, dict):
                 raise RadarConfigError(f"{where}: overrides has the unknown key '{dotted}': there is no table '{name}'")
         inner.pop(last, None)
-        source = changed["source"]
+        source = changed.get("source", {})
         for key in [key for key in source if key == dotted or key.startswith(f"{dotted}.")]:
             del source[key]
         if value is not None:
             inner[last] = copy.deepcopy(value)
-            if sections or isinstance(value, dict):
-                source[".".join([*sections[:2], last][:2])] = "override"
     try:
         check_config(changed, where)
     except RadarConfigError as error:

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
 from rfgen_sionna.radar.pattern import Pattern, pattern_record
 from rfgen_sionna.radar.pose import POLARIZATIONS, Trajectory, Vector, look_at_angles, pose_at, rotation_matrix, vector
-from rfgen_sionna.radar.profile import is_number
+from rfgen_sionna.radar.radar_checks import checked_band, checked_elements, checked_phases
 from rfgen_sionna.radar.radar_fields import radar_fields, radar_file
 from rfgen_sionna.radar.radar_record import fields_from_record, waveform_record
-from rfgen_sionna.radar.slots import slot_label
+from rfgen_sionna.radar.slots import phasors, slot_label
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.resources import available, resolve
-
-_LARGEST_OFFSET = 10.0
-"""Largest distance of an element from the centre [m]; millimetres fall outside."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +65,14 @@ class Radar:
     other side. Empty for none."""
     rx_phases_deg: tuple[float, ...] = ()
     """Phase of each Rx element's feed [degrees], which turns the received wave. Empty for none."""
+    frequency_range: tuple[float, float] | None = None
+    """Lowest and highest frequency that the device can sample [Hz]; None checks no band."""
 
     def __post_init__(self) -> None:
         for end in ("tx", "rx"):
-            array = _checked_elements(end, getattr(self, f"{end}_positions"), getattr(self, f"{end}_names"))
+            array = checked_elements(end, getattr(self, f"{end}_positions"), getattr(self, f"{end}_names"))
             object.__setattr__(self, f"{end}_positions", array)
-            phases = _checked_phases(end, getattr(self, f"{end}_phases_deg"), getattr(self, f"{end}_names"))
+            phases = checked_phases(end, getattr(self, f"{end}_phases_deg"), getattr(self, f"{end}_names"))
             object.__setattr__(self, f"{end}_phases_deg", phases)
         if self.waveform.num_tx != len(self.tx_positions):
             named = "slots have" if self.waveform.slots else "tx_order fires"
@@ -87,6 +85,8 @@ class Radar:
             value = getattr(self, name)
             if not (np.isfinite(value) and low <= value <= high):
                 raise ValueError(f"radar.{name} is {value!r}: a value in {low} … {high} {unit} is needed")
+        if self.frequency_range is not None:
+            object.__setattr__(self, "frequency_range", checked_band(self.name, self.frequency_range, self.waveform))
         object.__setattr__(self, "position", vector("position", self.position))
         object.__setattr__(self, "orientation", vector("orientation", self.orientation))
         if self.trajectory is not None:
@@ -216,9 +216,8 @@ class Radar:
     @property
     def feed_factors(self) -> tuple[ComplexArray, ComplexArray]:
         """(tx,) and (rx,) factors exp(j phase) of the elements' feeds, on the wave; the mixer conjugates them."""
-        phases = (self.tx_phases_deg, len(self.tx_names)), (self.rx_phases_deg, len(self.rx_names))
-        tx, rx = (np.exp(1j * np.radians(each or (0.0,) * count)) for each, count in phases)
-        return tx, rx
+        tx, rx = self.tx_phases_deg or (0.0,) * len(self.tx_names), self.rx_phases_deg or (0.0,) * len(self.rx_names)
+        return phasors(np.array(tx)), phasors(np.array(rx))
 
     @property
     def center_frequency(self) -> float:
@@ -265,6 +264,11 @@ class Radar:
         return tuple(f"{index}:{slot_label(slot, self.tx_names)}" for index, slot in enumerate(wave.slots))
 
     @property
+    def sample_type(self) -> np.dtype[Any]:
+        """Type of the samples in cubes and files: complex64, or float32 with a real ADC."""
+        return np.dtype(np.float32 if self.adc.real else np.complex64)
+
+    @property
     def frame_shape(self) -> tuple[int, int, int, int]:
         """(chirp, tx, rx, sample) of a frame; "tx" counts slots if several Tx elements fire at once."""
         wave = self.waveform
@@ -305,9 +309,9 @@ class Radar:
             record[name] = list(record[name])
         for name in ("tx_positions", "rx_positions"):
             record[name] = record[name].tolist()
-        for name in ("tx_phases_deg", "rx_phases_deg"):
-            if phases := record.pop(name):
-                record[name] = list(phases)
+        for name in ("tx_phases_deg", "rx_phases_deg", "frequency_range"):
+            if values := record.pop(name):
+                record[name] = list(values)
         record |= {"waveform": waveform_record(self.waveform), "pattern": pattern_record(self.pattern)}
         record["adc"] = {key: value for key, value in asdict(self.adc).items() if key != "real" or value}
         if self.trajectory is None:
@@ -332,35 +336,3 @@ class Radar:
 
     def __hash__(self) -> int:
         return hash((self.name, self.preset, self.waveform, self.pattern, self.position, self.orientation))
-
-
-def _checked_elements(end: str, positions: ArrayLike, names: Sequence[str]) -> FloatArray:
-    """Read-only copy of the positions (element, 3) [m] of the named "tx" or "rx" elements."""
-    field = f"radar.{end}_positions"
-    array = np.array(positions, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0 or not np.all(np.isfinite(array)):
-        raise ValueError(f"{field} has shape {array.shape}: finite (element, 3) positions [m] are needed")
-    if np.abs(array).max() > _LARGEST_OFFSET:
-        raise ValueError(
-            f"{field} reaches {np.abs(array).max():g} m: elements lie within {_LARGEST_OFFSET:g} m of the centre"
-        )
-    gaps = np.linalg.norm(array[:, None] - array[None], axis=-1) + np.eye(len(array))
-    if gaps.min() < 1e-6:
-        i, j = np.argwhere(gaps < 1e-6)[0]
-        raise ValueError(f"{field}: elements {i} and {j} are at the same place {array[i].tolist()} m")
-    if len(names) != len(array) or len(set(names)) != len(names):
-        raise ValueError(f"radar.{end}_names is {tuple(names)!r}: a different name for each of {len(array)} elements")
-    array.setflags(write=False)
-    return array
-
-
-def _checked_phases(end: str, phases: Sequence[float], names: Sequence[str]) -> tuple[float, ...]:
-    """`phases` [degrees] of the named "tx" or "rx" elements; empty where all are 0."""
-    label = f"radar.{end}_phases_deg"
-    if isinstance(phases, str) or not np.iterable(phases) or len(list(phases)) not in (0, len(names)):
-        raise ValueError(
-            f"{label} is {phases!r}: one angle [degrees] for each of {', '.join(names)}, or none, is needed"
-        )
-    if not all(is_number(phase) and abs(phase) <= 360 for phase in phases):
-        raise ValueError(f"{label} is {phases!r}: angles in -360 … 360 degrees are needed")
-    return tuple(float(phase) for phase in phases) if any(phases) else ()

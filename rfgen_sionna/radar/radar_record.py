@@ -14,7 +14,7 @@ from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.slots import Slot
 from rfgen_sionna.radar.waveform import Waveform
 
-_OPTIONAL = ("position", "orientation", "adc", "trajectory", "tx_phases_deg", "rx_phases_deg")
+_OPTIONAL = ("position", "orientation", "adc", "trajectory", "tx_phases_deg", "rx_phases_deg", "frequency_range")
 """Keys that records may lack."""
 
 
@@ -82,5 +82,5 @@ def fields_from_record(record: Any, known: tuple[str, ...]) -> dict[str, Any]:
     if record.get("trajectory") is not None:
         table = _keys("radar record: trajectory", record["trajectory"], Trajectory.__dataclass_fields__)
         arguments["trajectory"] = Trajectory(**table)
-    lists = ("tx_names", "rx_names", "tx_phases_deg", "rx_phases_deg")
+    lists = ("tx_names", "rx_names", "tx_phases_deg", "rx_phases_deg", "frequency_range")
     return arguments | {key: tuple(record[key]) for key in lists if key in record}

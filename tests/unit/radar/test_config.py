@@ -43,7 +43,7 @@ def test_unknown_keys_are_refused_with_the_known_ones(radar_file: Any, refuses: 
 @pytest.mark.parametrize(
     "key",
     [
-        *("name", "default_preset", "array", "pattern", "preset", "source", "array.tx_names", "pattern.azimuth_db"),
+        *("name", "default_preset", "array", "pattern", "preset", "array.tx_names", "pattern.azimuth_db"),
         *("transmitter.power_dbm", "receiver.noise_figure_db", "preset.mmmesh.slope_hz_per_s"),
         "preset.di_gesture.num_loops",
     ],
@@ -125,10 +125,16 @@ def test_the_chirps_fit_into_the_frame(radar_file: Any, refuses: Refuses) -> Non
 
 
 def test_the_sweep_stays_in_the_band(radar_file: Any, refuses: Refuses) -> None:
+    """The band is that of the ADC window, not of the whole ramp."""
     radar_file.set("preset.mmmesh.start_frequency_hz", 77.2e9)
-    refuses("77.2 … 81.101 GHz", "76 … 81 GHz")
-    radar_file.set("preset.mmmesh.start_frequency_hz", 75.9e9)
-    refuses("75.9 …", "76 … 81 GHz")
+    refuses("waveform samples 77.5601 … 81.0517 GHz", "76 … 81 GHz")
+    radar_file.set("preset.mmmesh.start_frequency_hz", 75.5e9)
+    refuses("75.8601 …", "76 … 81 GHz")
+    openradar = {"start_frequency_hz": 77.4201e9, "slope_hz_per_s": 60e12, "ramp_end_time_s": 62e-6}
+    openradar |= {"num_samples": 256, "sample_rate_hz": 5e6, "adc_start_time_s": 6e-6}
+    for key, value in openradar.items():  # the ramp ends at 81.14 GHz
+        radar_file.set(f"preset.mmmesh.{key}", value)
+    assert radar_file.load().waveform.sampled_band[1] == pytest.approx(80.8521e9, rel=1e-9)
 
 
 def test_two_elements_at_one_place_are_refused(radar_file: Any, refuses: Refuses) -> None:
@@ -152,12 +158,36 @@ def test_slots_fire_known_elements_once(radar_file: Any, refuses: Refuses, order
     refuses(said)
 
 
-@pytest.mark.parametrize(
-    "key", ["array.tx_positions_half_wavelengths", "pattern.peak_gain_dbi", "transmitter.power_dbm", "preset.mmmesh"]
-)
-def test_every_number_has_a_source(radar_file: Any, refuses: Refuses, key: str) -> None:
-    del radar_file.table["source"][key]
-    refuses("[source]", key)
+def test_a_file_of_ones_own_needs_no_sources(radar_file: Any) -> None:
+    del radar_file.table["source"]
+    assert radar_file.load(overrides={"adc.bits": 12}).adc.bits == 12
+
+
+def test_all_that_is_missing_or_wrong_is_told_at_once(radar_file: Any, refuses: Refuses) -> None:
+    for key in ("array.tx_names", "array.polarization", "pattern.azimuth_db", "transmitter", "preset.mmmesh.num_loops"):
+        radar_file.remove(key)
+    radar_file.remove("preset.di_gesture.slope_hz_per_s")
+    radar_file.set("receiver.gain_db", 30.0)
+    radar_file.set("adc.bits", "sixteen")
+    missing = (
+        "array.tx_names",
+        "pattern.azimuth_db",
+        "transmitter",
+        "transmitter.power_dbm",
+        "preset.mmmesh.num_loops",
+    )
+    refuses(
+        *("10 entries are missing or wrong", "no polarisation", "'preset.di_gesture.slope_hz_per_s' is missing"),
+        *(f"'{key}' is missing" for key in missing),
+        *("unknown key 'receiver.gain_db'", "'adc.bits' is 'sixteen'; int is needed"),
+    )
+
+
+def test_all_magnitudes_are_told_at_once(radar_file: Any, refuses: Refuses) -> None:
+    radar_file.set("transmitter.power_dbm", 12e3)
+    radar_file.set("pattern.azimuth_deg", [0.0, 0.5])
+    radar_file.set("pattern.azimuth_db", [0.0, -3.0])
+    refuses("transmitter.power_dbm is 12000", "pattern.azimuth_deg is 0.5", "prefix")
 
 
 def test_sources_are_of_numbers_in_the_file(radar_file: Any, refuses: Refuses) -> None:
@@ -253,13 +283,13 @@ CHIRP = {
         ("mmmesh", {"bpm_code": [[1]]}, ["bpm_code", "goes with multiplexing = 'bpm'"]),
         ("mmmesh", {"doppler_bands": 4}, ["doppler_bands", "goes with multiplexing = 'ddm'"]),
         ("mmmesh", {"slope_hz_per_s": 0.0}, ["slope is 0", "max_range_m"]),
-        ("mmmesh", {"slope_hz_per_s": -60.012e12}, ["77 … 73.099 GHz", "76 … 81 GHz"]),
+        ("mmmesh", {"slope_hz_per_s": -60.012e12}, ["samples 73.1483 … 76.6399 GHz", "76 … 81 GHz"]),
         ("mmmesh", {"max_range_m": 8000.0}, ["max_range_m is 8000", "1 … 800", "prefix"]),
         ("mmmesh", {"profile": [CHIRP]}, ["has profiles and a 'start_frequency_hz' of its own"]),
         ("mmmesh", {"tx_order": None, "slot": []}, ["slot is empty", "at least one slot"]),
         ("mmmesh", {"tx_order": None, "slot": [{"tx": ["TX4"]}]}, ["slot[0].tx names 'TX4'", "TX1, TX2, TX3"]),
         ("mmmesh", {"tx_order": None, "slot": [{"tx": ["TX1", "TX1"]}]}, ["slot[0].tx fires an element twice"]),
-        ("mmmesh", {"tx_order": None, "slot": [{"tx": ["TX1"], "phase": [0]}]}, ["unknown key 'slot.phase'"]),
+        ("mmmesh", {"tx_order": None, "slot": [{"tx": ["TX1"], "phase": [0]}]}, ["unknown key 'preset.mmmesh.slot[0]"]),
         (
             "mmmesh",
             {"tx_order": None, "slot": [{"tx": ["TX1", "TX2"], "phase_deg": [0.0]}]},
@@ -287,8 +317,8 @@ CHIRP = {
         ("ddm", {"doppler_bands": 2}, ["doppler_bands is 2", "3 … 64"]),
         ("ddm", {"num_loops": 7}, ["num_loops is 7", "8 loops"]),
         ("near_far", {"profile": None}, ["is missing", "or profiles"]),
-        ("near_far", {"profile": [CHIRP, {}]}, ["'profile.", "is missing"]),
-        ("near_far", {"profile": [CHIRP, CHIRP | {"slope": 1.0}]}, ["profile[1]: unknown key 'profile.slope'"]),
+        ("near_far", {"profile": [CHIRP, {}]}, ["profile[1].slope_hz_per_s' is missing"]),
+        ("near_far", {"profile": [CHIRP, CHIRP | {"slope": 1.0}]}, ["unknown key 'preset.near_far.profile[1].slope'"]),
         ("near_far", {"profile": [CHIRP, CHIRP | {"ramp_end_time_s": 50e-6}]}, ["57.20 us", "at most 220 samples fit"]),
         ("near_far", {"profile": [CHIRP, CHIRP | {"slope_hz_per_s": 60e9}]}, ["profile[1]", "at least 0.0001"]),
         ("near_far", {"profile": [CHIRP, CHIRP | {"sample_rate_hz": 5e3}]}, ["profile[1]", "fit"]),

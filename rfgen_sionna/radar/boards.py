@@ -1,0 +1,64 @@
+"""The shipped boards by name and band."""
+
+from __future__ import annotations
+
+import re
+from difflib import get_close_matches
+from pathlib import Path
+
+from rfgen_sionna.radar.config import read_config
+from rfgen_sionna.resources import UnknownResourceError, available, resolve
+
+_NEUTRAL = re.compile(r"^demo|(boost|rfevm|evm)$")
+"""Parts of vendors' names that do not tell boards apart."""
+_DEVICES = (
+    (re.compile(r"^[aix]wrl?6[48]|^bgt60"), (57e9, 64e9)),
+    (re.compile(r"^[aix]wrl?(1[2-8]|2[0-9])|^mmwcas"), (76e9, 81e9)),
+    (re.compile(r"^bgt24|2go"), (24e9, 24.25e9)),
+)
+"""Bands of device families [Hz] by their names: TI's xWR and xWRL numbers, Infineon's BGT numbers."""
+
+
+def board_file(name: str) -> Path:
+    """Path of a shipped board's file, by its name in any case, with or without the vendor's suffix (BOOST, EVM).
+
+    Raises
+    ------
+    UnknownResourceError
+        No board, or more than one, has this name; the message lists those of the same band first.
+    """
+    names = available("radars")
+    if name in names:
+        return resolve("radars", name)
+    plain = _plain(name)
+    for same in (plain, _NEUTRAL.sub("", plain)):
+        found = [known for known in names if same in (_plain(known), _NEUTRAL.sub("", _plain(known)))]
+        if len(found) == 1:
+            return resolve("radars", found[0])
+    band = next((band for pattern, band in _DEVICES if pattern.search(plain)), None)
+    near = boards_for(band, part=True) if band else ()
+    close = get_close_matches(plain, near or names, n=1)
+    message = f"no radar is called {name!r}{f' (did you mean {close[0]!r}?)' if close else ''}; "
+    if band and near:
+        others = [known for known in names if known not in near]
+        message += f"boards at {band[0] / 1e9:g} … {band[1] / 1e9:g} GHz: {', '.join(near)}; "
+        message += f"at other frequencies: {', '.join(others)}"
+    else:
+        message += f"available: {', '.join(names)}"
+    raise UnknownResourceError(message)
+
+
+def boards_for(band: tuple[float, float], tx: int = 0, rx: int = 0, *, part: bool = False) -> tuple[str, ...]:
+    """Names of the shipped boards that reach a band [Hz] (or a part of it), with at least `tx` Tx and `rx` Rx."""
+    found = []
+    for name in available("radars"):
+        table = read_config(resolve("radars", name))
+        low, high = table["transmitter"]["frequency_range_hz"]
+        inside = low < band[1] and band[0] < high if part else low <= band[0] and band[1] <= high
+        if inside and len(table["array"]["tx_names"]) >= tx and len(table["array"]["rx_names"]) >= rx:
+            found.append(name)
+    return tuple(found)
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
