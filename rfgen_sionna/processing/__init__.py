@@ -2,6 +2,7 @@
 
 from rfgen_sionna.processing.angle import compensate_tdm, find_directions, steering
 from rfgen_sionna.processing.azimuth import DynamicRangeAngle, RangeAzimuth, drai, range_azimuth
+from rfgen_sionna.processing.calibration import Calibration, estimate_calibration
 from rfgen_sionna.processing.demultiplex import demultiplex, select_profile, select_slot
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
 from rfgen_sionna.processing.displacement import Displacement, displacement
@@ -17,6 +18,7 @@ from rfgen_sionna.processing.spectrum import (
 )
 
 __all__ = [
+    "Calibration",
     "Displacement",
     "DopplerTime",
     "DynamicRangeAngle",
@@ -30,6 +32,7 @@ __all__ = [
     "displacement",
     "doppler_time",
     "drai",
+    "estimate_calibration",
     "find_directions",
     "local_maxima",
     "micro_doppler",

@@ -17,7 +17,7 @@ from rfgen_sionna.processing.multiplexing import (
     separate_bands,
     uses_doppler_bands,
 )
-from rfgen_sionna.processing.spectrum import check_cube
+from rfgen_sionna.processing.spectrum import check_cube, complex_samples, real_samples
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
@@ -90,11 +90,9 @@ def demultiplex(cube: ArrayLike, radar: Radar) -> tuple[Samples, Radar]:
     if not wave.slots or wave.separated:
         return array, radar
     chirps = array.shape[-4]
-    matrix, samples, real = decoder(radar), array.shape[-1], radar.adc.real
-    if real:
-        # Beats of one sign: those of the other one are in other Doppler bands.
-        array = np.asarray(fft.rfft(array, axis=-1))
-        array = array.conj() if wave.slope < 0 else array
+    matrix = decoder(radar)
+    # The other sign of the beats of real samples is in other Doppler bands.
+    array = complex_samples(array, radar)
     spectrum = fft.fftshift(fft.fft(separate_bands(array, radar), axis=-4), axes=-4)
     frequency = fft.fftshift(fft.fftfreq(chirps, wave.loop_period))
     kept = occupied_bins(radar, chirps)
@@ -107,9 +105,7 @@ def demultiplex(cube: ArrayLike, radar: Radar) -> tuple[Samples, Radar]:
     count = len(frequency)
     # The middle bin, zero Doppler, becomes the first one.
     spectrum = np.roll(spectrum, -int(np.argmin(np.abs(frequency))), axis=-4)
-    data = fft.ifft(spectrum, axis=-4) * (count / chirps)
-    if real:
-        data = fft.irfft(data.conj() if wave.slope < 0 else data, n=samples, axis=-1)
+    data = real_samples(fft.ifft(spectrum, axis=-4) * (count / chirps), radar)
     together = replace(
         wave,
         num_loops=count,

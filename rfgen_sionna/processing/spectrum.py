@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
-from scipy.signal import CZT, get_window
+from scipy.signal import CZT, get_window, hilbert
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.multiplexing import ComplexChannels, Samples, axis_lengths, occupied_bins, separate_bands
@@ -93,6 +93,21 @@ def range_transform(array: Samples, radar: Radar, bins: int) -> ComplexChannels:
     if radar.adc.real:  # a tone has half its power at negative frequencies
         spectrum = spectrum[..., : bins // 2 + 1] * np.sqrt(2, dtype=spectrum.real.dtype)
     return np.asarray(spectrum)
+
+
+def complex_samples(array: Samples, radar: Radar) -> ComplexChannels:
+    """Complex samples s of real ones, sqrt(2) Re(s), with beats of one sign; complex ones are unchanged."""
+    if not radar.adc.real:
+        return array
+    analytic = hilbert(array, axis=-1).astype(np.result_type(array.dtype, np.complex64), copy=False) / np.sqrt(
+        2, dtype=array.dtype
+    )
+    return np.asarray(analytic.conj() if radar.waveform.slope < 0 else analytic)
+
+
+def real_samples(array: ComplexChannels, radar: Radar) -> Samples:
+    """Inverse of :func:`complex_samples`."""
+    return np.sqrt(2, dtype=array.real.dtype) * array.real if radar.adc.real else array
 
 
 def velocity_axis(radar: Radar, bins: int | None = None) -> FloatArray:
