@@ -95,6 +95,24 @@ def test_the_24_ghz_chirps_keep_to_their_band_and_their_clock() -> None:
 
 
 @pytest.mark.parametrize("name", available("radars"))
+def test_every_number_has_a_source(name: str) -> None:
+    """Of each section's values and of each preset; names, angles of cuts and the kind of pattern need none."""
+    table = read_config(resolve("radars", name))
+    sources = table["source"]
+    assert all(isinstance(text, str) and len(text) > 10 for text in sources.values())
+    needed = [f"preset.{preset}" for preset in table["preset"]]
+    for section in ("array", "pattern", "transmitter", "receiver", "adc"):
+        cuts = ("azimuth_deg", "elevation_deg", "kind")
+        keys = [key for key in table[section] if not key.endswith("_names") and key not in cuts]
+        needed += [f"{section}.{key}" for key in keys if section not in sources]
+    assert set(needed) - set(sources) == set()
+    for key in sources:
+        section, _, rest = key.partition(".")
+        assert section in table
+        assert not rest or rest in table[section]
+
+
+@pytest.mark.parametrize("name", available("radars"))
 def test_what_no_source_tells_is_marked(name: str) -> None:
     sources = read_config(resolve("radars", name))["source"]
     assert "assumption" in sources["array.polarization"]
