@@ -1,4 +1,4 @@
-"""Command line: `rfgen generate`, `rfgen radars`, `rfgen show`, `rfgen export`, `rfgen bench`."""
+"""Command line: `rfgen generate`, `rfgen radars`, `rfgen show`, `rfgen export`, `rfgen motions`, `rfgen bench`."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ from rfgen_sionna.cli.console import draw, report_written, warn
 from rfgen_sionna.cli.console import err as _err
 from rfgen_sionna.cli.console import out as _out
 from rfgen_sionna.cli.generate import EPILOG, generate
+from rfgen_sionna.cli.motions import EPILOG as MOTIONS_EPILOG
+from rfgen_sionna.cli.motions import motions
 
 app = typer.Typer(
     name="rfgen",
@@ -56,7 +58,7 @@ def radars() -> None:
                 f"{low / 1e9:.2f}–{high / 1e9:.2f}",
                 f"{len(r.tx_positions)}×{len(r.rx_positions)}",
                 f"{wave.num_loops}×{wave.num_samples}",
-                f"{1 / wave.frame_period:g}",
+                f"{1 / wave.frame_period:.3g}",
                 f"{cell} {r.max_range:.1f}",
                 f"{r.velocity_resolution:.3f} ±{r.max_velocity:.2f}",
             )
@@ -122,6 +124,7 @@ def export(
     _out.print(f"{report.frames} frames, {report.scale:g} √W per LSB{level}, {report.clipped} values clipped")
 
 
+app.command(epilog=MOTIONS_EPILOG)(motions)
 app.command(epilog=BENCH_EPILOG)(bench)
 
 
