@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rfgen_sionna.generative.actor import Actor as Actor
     from rfgen_sionna.pipeline import generate as generate
     from rfgen_sionna.radar import Radar as Radar
+    from rfgen_sionna.recording import record as record
     from rfgen_sionna.records import AdcCube as AdcCube
     from rfgen_sionna.records import MeshSequence as MeshSequence
     from rfgen_sionna.records import Motion as Motion
@@ -44,6 +45,7 @@ _HOMES = {
     "load_scene": "scene",
     "material": "scene",
     "open_run": "dataset",
+    "record": "recording",
 }
 """Public name -> module that defines it."""
 

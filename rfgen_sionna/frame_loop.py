@@ -6,6 +6,7 @@ import ctypes
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -31,6 +32,24 @@ SYNTHESIS_SHARE = 0.3
 MIN_EPS = 1e-7
 """Lower bound of the accuracy of a sum, where paths of one of many objects cancel."""
 _BAND_POSITIONS = (-1.0, 0.0, 1.0)  # in half bands, for the estimate of an object's return
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame of a run."""
+
+    index: int
+    time: float
+    """Start of the first ramp [s]."""
+    samples: NDArray[np.complex128] | NDArray[np.float64]
+    """(chirp, tx, rx, sample) [sqrt(W)]."""
+    report: TraceReport
+    full_scale: float | None = None
+    """Largest I or Q, or real sample, of the ADC [sqrt(W)]; None for samples that are not quantised."""
+    clipped: float = 0.0
+    """Share of the words of I and Q beyond the ADC's range."""
+    paths: tuple[RadarPaths, ...] = ()
+    """Paths of actors and imagined surroundings for :func:`rfgen_sionna.pir.image`; empty for modelled surroundings."""
 
 
 class TracedFrame(NamedTuple):
@@ -81,6 +100,7 @@ def frame_samples(
     device: str,
     begun: Callable[[], None],
     workers: int,
+    start: int = 0,
 ) -> Iterator[tuple[NDArray[np.complex128], TracedFrame]]:
     """Samples (chirp, tx, rx, sample) of each frame before the receiver, and the traced frame without its paths.
 
@@ -89,7 +109,8 @@ def frame_samples(
     The relative error of the sum of each object is a share of `rtol` (:func:`required_eps`).
 
     `times` (frame,) are starts of the frames [s]; `gains` and `device` are arguments of
-    :func:`rfgen_sionna.signal.synthesize`; `begun` is called after the trace of a static scene.
+    :func:`rfgen_sionna.signal.synthesize`; `begun` is called after the trace of a static scene. Frames before number
+    `start` are left out; the first one is traced all the same.
     """
 
     @one_blas_thread()
@@ -115,13 +136,17 @@ def frame_samples(
             frame = trace(float(times[number]))
             return samples(frame.parts, frame.begin, frame.num_static), emptied(frame)
 
-        yield samples(first.parts, first.begin, first.num_static) + static, emptied(first)
-        runs = [range(start, min(start + RUN, len(times))) for start in range(1, len(times), RUN)]
-        for made, frame in map_in_processes(of_frame, runs, workers):
-            yield made + static, frame
+        if start == 0:
+            yield samples(first.parts, first.begin, first.num_static) + static, emptied(first)
+        runs = [range(begin, min(begin + RUN, len(times))) for begin in range(1, len(times), RUN)]
+        runs = [run for run in runs if run.stop > start]  # whole ones: a run's frames depend on one another
+        numbers = (number for run in runs for number in run)
+        for number, (made, frame) in zip(numbers, map_in_processes(of_frame, runs, workers), strict=True):
+            if number >= start:
+                yield made + static, frame
         return
-    rest, frames = map(trace, times[1:].tolist()), 0
-    now: TracedFrame | None = first
+    rest, frames = map(trace, times[max(start, 1) :].tolist()), 0
+    now: TracedFrame | None = first if start == 0 else next(rest, None)
     with ThreadPoolExecutor(1, "rfgen-samples") as other:
         while now is not None:
             summed = other.submit(samples, now.parts, now.begin, now.num_static)

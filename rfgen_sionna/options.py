@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,10 @@ from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.recording import bytes_text, frame_bytes
 from rfgen_sionna.scene.checks.actors import Policy
-from rfgen_sionna.signal import Receiver, read_receiver
+from rfgen_sionna.signal import Receiver
+from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource, chosen_receiver
 from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.simulation import Simulator
 
@@ -39,7 +40,7 @@ def check_options(
     output: str | PathLike[str] | None,
     overwrite: bool,
     noise: bool,
-    receiver: Receiver | Mapping[str, Any] | str | PathLike[str] | None,
+    receiver: ReceiverSource | None,
     rtol: float,
     pir_resolution: tuple[int, int] | None,
     fov_deg: float | tuple[float, float] | None,
@@ -50,8 +51,8 @@ def check_options(
     collisions: Policy,
     device: str,
     workers: int,
-) -> tuple[Radar, Receiver, int]:
-    """Placed radar, receiver and number of frames of the arguments of :func:`rfgen_sionna.pipeline.generate`.
+) -> tuple[Radar, Receiver]:
+    """Placed radar and receiver of the arguments of :func:`rfgen_sionna.pipeline.generate`.
 
     The check imports no model, reads no scene and builds no body.
 
@@ -71,7 +72,8 @@ def check_options(
     empty = Simulator(None, radar, rtol=rtol, collisions=collisions, max_bounces=max_bounces, transmission=transmission)
     # The default image size depends on the prompt: the smaller one is checked.
     check_size(duration, radar, IMAGE_PIXELS if pir_resolution is None else pir_resolution, target)
-    return radar, _receiver(receiver, radar, noise), len(empty.frame_times(duration))
+    empty.frame_times(duration)
+    return radar, chosen_receiver(receiver, radar, noise)
 
 
 def chosen_view(
@@ -82,13 +84,6 @@ def chosen_view(
     resolution, fov = default[0] if resolution is None else resolution, default[1] if fov_deg is None else fov_deg
     check_view(resolution, fov, projection)
     return resolution, fov
-
-
-def _receiver(receiver: Any, radar: Radar, noise: bool) -> Receiver:
-    if receiver is None:
-        return Receiver() if noise else Receiver.ideal()
-    known = read_receiver(receiver, radar)
-    return known if noise else known.without_noise()
 
 
 def _placed_radar(radar: str | PathLike[str] | Radar, preset: str | None, position: Any, look_at: Any) -> Radar:
@@ -123,18 +118,12 @@ def check_size(duration: Any, radar: Radar, pir_resolution: tuple[int, int], tar
     """Check that the samples and images of a run of `duration` [s] fit on the disk of `target`."""
     if isinstance(duration, bool) or not isinstance(duration, (int, float, np.number)) or not duration > 0:
         return
-    # [bytes]: a PIR image has three float32 channels, samples are complex64; meshes are not counted.
-    frame = 8 * math.prod(radar.frame_shape) + 12 * math.prod(pir_resolution)
+    frame = frame_bytes(radar, pir_resolution)
     needed = frame * max(1.0, duration / radar.waveform.frame_period)
     free = shutil.disk_usage(target.parent).free
     fits = min(MAX_DURATION, free / frame * radar.waveform.frame_period)
     if duration > MAX_DURATION or needed > free:
         raise ValueError(
-            f"duration is {duration:g} s: samples and images take {_bytes(needed)}, and '{target.parent}' has "
-            f"{_bytes(free)} free; allowed are at most {math.floor(fits):g} s"
+            f"duration is {duration:g} s: samples and images take {bytes_text(needed)}, and '{target.parent}' has "
+            f"{bytes_text(free)} free; allowed are at most {math.floor(fits):g} s"
         )
-
-
-def _bytes(count: float) -> str:
-    power = min(int(math.log10(max(count, 1.0)) // 3), 5)
-    return f"{count / 1000.0**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB', 'PB')[power]}"

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rfgen_sionna._deprecation import warn_renamed
-from rfgen_sionna._types import FloatArray
-from rfgen_sionna.dataset import ActorInfo, RunInfo, RunWriter, check_output, open_run
-from rfgen_sionna.dataset.schema import STANDARD_LABELS
+from rfgen_sionna.dataset import check_output
 from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument
 from rfgen_sionna.generative.environment_prompt import (
@@ -30,22 +28,16 @@ from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, Scene
 from rfgen_sionna.generative.radar_placement import place_before_radar
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
 from rfgen_sionna.options import check_options, check_size, chosen_view
-from rfgen_sionna.pir import View, image
-from rfgen_sionna.pir.projection import check_projection
-from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.recording import ImageView, Progress, run_info, run_plan, write_run
 from rfgen_sionna.scene.checks.actors import Policy
-from rfgen_sionna.scene.checks.radar_distance import surface_of
 from rfgen_sionna.scene.floor import floor_under
-from rfgen_sionna.signal import Receiver, receiver_record
+from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource
 from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.simulation import Simulator
 
 if TYPE_CHECKING:
     from rfgen_sionna.dataset import Run
-
-LABEL_STEP = 1e-3
-"""Half the interval of the differences of label velocities [s]."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -67,7 +59,7 @@ def generate(
     output: str | PathLike[str] | None = None,
     overwrite: bool = False,
     noise: bool = True,
-    receiver: Receiver | Mapping[str, Any] | str | PathLike[str] | None = None,
+    receiver: ReceiverSource | None = None,
     rtol: float = 1e-2,
     distance: float | None = None,
     radar_position: tuple[float, float, float] | None = None,
@@ -81,7 +73,7 @@ def generate(
     collisions: Policy = "error",
     device: str = "auto",
     workers: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: bool | Progress | None = None,
     report: Callable[[str], None] | None = None,
 ) -> Run:
     """Radar data of a prompt.
@@ -153,7 +145,7 @@ def generate(
     workers
         Number of processes that trace and sum frames, as in :meth:`rfgen_sionna.simulation.Simulator.adc`.
     progress
-        Called with the number of finished frames and of all frames.
+        True shows a bar; a function is called with the number of finished frames and of all frames.
     report
         Called once, before the first frame, with the interpretation of the prompt and every decision with its origin:
         prompt, argument, default or seed. None logs this text. It is stored (`Run.report`).
@@ -170,7 +162,7 @@ def generate(
     if surroundings is not None:
         warn_renamed("generate(surroundings=…)", "environment='furnished: …'")
         environment = with_source(environment, surroundings)
-    radar, impairments, count = check_options(
+    radar, impairments = check_options(
         radar=radar,
         preset=preset,
         radar_position=radar_position,
@@ -258,8 +250,12 @@ def generate(
     else:
         report(text)
 
-    info = RunInfo(
-        radar=radar,
+    info = run_info(
+        simulator,
+        simulator.frame_times(duration),
+        noise=noise,
+        seed=seed,
+        receiver=impairments,
         prompt=prompt,
         negative_prompt=negative,
         environment=setting.name,
@@ -270,32 +266,13 @@ def generate(
             "speckle": seed,
             "noise": seed if noise or receiver is not None else None,
         },
-        actors=(ActorInfo.of(person),),
-        labels=STANDARD_LABELS,
         report=text,
-        receiver=receiver_record(impairments),
     )
-    middle = 0.5 * radar.waveform.frame_length
-    frames = simulator.frames(duration, seed=seed, receiver=impairments, device=device, workers=workers)
-    shape = check_projection(projection)
-    view = View(resolution, check_view(resolution, fov, shape)[2], radar.position, radar.orientation, shape)
-    with RunWriter(target, info, overwrite=overwrite) as writer:
-        for frame in frames:
-            t = frame.time + middle
-            writer.append(
-                frame.samples,
-                time=frame.time,
-                pir=image(frame.paths, view, t) if frame.paths else simulator.pir(t, resolution, fov, projection=shape),
-                mesh_time=t,
-                full_scale=frame.full_scale,
-                clipped=frame.clipped,
-                vertices={person.name: person.vertices(t)},
-                joints={person.name: person.joints(t)},
-                labels={"action": [said.action], **_labels(person, radar, t)},
-            )
-            if progress is not None:
-                progress(frame.index + 1, count)
-    return open_run(target)
+    view = ImageView(resolution, fov, projection)
+    plan = run_plan(
+        simulator, info, view, duration, noise=noise, seed=seed, receiver=impairments, device=device, workers=workers
+    )
+    return write_run(target, {"": plan}, overwrite=overwrite, progress=progress)
 
 
 def _read(
@@ -326,34 +303,3 @@ def _read(
     for sentence in said.warnings:
         _LOG.warning(sentence)
     return said, surroundings
-
-
-def _labels(actor: Actor, radar: Radar, t: float) -> dict[str, FloatArray]:
-    """Labels of an actor at `t` [s]: position and motion of the centre of its vertices; one row per actor."""
-    surface = surface_of(actor)
-    before, centre, after = (surface.vertices(t + step).mean(axis=0) for step in (-LABEL_STEP, 0.0, LABEL_STEP))
-    velocity = (after - before) / (2 * LABEL_STEP)
-    offset = centre - np.asarray(radar.position)
-    distance = float(np.linalg.norm(offset))
-    device = offset @ radar.rotation / distance
-    facing = _facing(actor, t)
-    return {
-        "position": centre[None],
-        "velocity": velocity[None],
-        "orientation": np.array([facing]),
-        "distance": np.array([distance]),
-        "radial_velocity": np.array([velocity @ offset / distance]),
-        "azimuth": np.array([np.arctan2(device[1], device[0])]),
-        "elevation": np.array([np.arcsin(device[2])]),
-    }
-
-
-def _facing(actor: Actor, t: float) -> float:
-    """Yaw [rad] of the direction an actor faces: normal to its hips, or its own +x without hips."""
-    names = actor.joint_names
-    if "left_hip" in names and "right_hip" in names:
-        joints = actor.joints(t)
-        left = joints[names.index("left_hip")] - joints[names.index("right_hip")]
-        return float(np.arctan2(-left[0], left[1]))
-    forward = actor.pose(t)[1][:, 0]
-    return float(np.arctan2(forward[1], forward[0]))

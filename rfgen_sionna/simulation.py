@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
+from os import PathLike
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._deprecation import Renamed
-from rfgen_sionna.frame_loop import frame_samples, frame_tracer
+from rfgen_sionna.dataset import Run
+from rfgen_sionna.frame_loop import Frame, frame_samples, frame_tracer
 from rfgen_sionna.pir import render_pir
 from rfgen_sionna.pir.fused_tracer import FusedTracer, Refiner
 from rfgen_sionna.pir.fusion import concatenate_paths, image
@@ -22,6 +24,7 @@ from rfgen_sionna.pir.view import View
 from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.profile import is_number
+from rfgen_sionna.recording import Progress, record
 from rfgen_sionna.records import AdcCube, Pir, RadarPaths
 from rfgen_sionna.scene.checks.actor_overlap import check_actor_overlaps
 from rfgen_sionna.scene.checks.actors import (
@@ -44,35 +47,14 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.signal import Receiver, receive
 from rfgen_sionna.signal.noise import check_whole
+from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource, chosen_receiver
 from rfgen_sionna.signal.synthesis import check_time, chosen_device
 from rfgen_sionna.tracing.max_bounces import check_max_bounces
 from rfgen_sionna.tracing.relative_scene import relative_objects
-from rfgen_sionna.tracing.report import TraceReport
 from rfgen_sionna.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar.radar import Vector
-
-Progress = Callable[[int, int], None]
-"""Function of the number of finished frames and of all frames."""
-
-
-@dataclass(frozen=True)
-class Frame:
-    """One frame of a run."""
-
-    index: int
-    time: float
-    """Start of the first ramp [s]."""
-    samples: NDArray[np.complex128]
-    """(chirp, tx, rx, sample) [sqrt(W)]."""
-    report: TraceReport
-    full_scale: float | None = None
-    """Largest I or Q of the ADC [sqrt(W)]; None for samples that are not quantised."""
-    clipped: float = 0.0
-    """Share of the words of I and Q beyond the ADC's range."""
-    paths: tuple[RadarPaths, ...] = ()
-    """Paths of actors and imagined surroundings for :func:`rfgen_sionna.pir.image`; empty for modelled surroundings."""
 
 
 class Simulator:
@@ -155,9 +137,10 @@ class Simulator:
         self.scene.tune(radar.center_frequency)
         self.scene.warn_unfollowed()
         for actor in self.actors:
-            if actor.properties.outside == "raise":
-                actor.properties.check(radar.center_frequency, actor.name)
-        warn_uncovered([actor.properties for actor in self.actors], radar.center_frequency)
+            for properties in actor.materials:
+                if properties.outside == "raise":
+                    properties.check(radar.center_frequency, actor.name)
+        warn_uncovered([each for actor in self.actors for each in actor.materials], radar.center_frequency)
         check_radar_clear(radar.position, self.scene, self.actors)
         runs = [(actor, actor.duration if np.isfinite(actor.duration) else 0.0) for actor in self.actors]
         check_radar_placed(
@@ -233,7 +216,7 @@ class Simulator:
         start: float = 0.0,
         noise: bool = True,
         seed: int = 0,
-        receiver: Receiver | None = None,
+        receiver: ReceiverSource | None = None,
         device: str = "auto",
         workers: int = 1,
         progress: Progress | None = None,
@@ -252,8 +235,9 @@ class Simulator:
         seed
             Seed of all draws of the receiver; the same seed gives the same bits.
         receiver
-            Impairments of the receiver; None is `Receiver()`: thermal noise and the radar's ADC. The first frame sets
-            an automatic full scale.
+            Impairments of the receiver: a Receiver, a table of its parts or a TOML file with such a table
+            (:func:`~rfgen_sionna.signal.read_receiver`); None is `Receiver()`: thermal noise and the radar's ADC. The
+            first frame sets an automatic full scale.
         device
             Device that sums the paths: "cpu", "cuda" (the first CUDA device), or "auto", CUDA if available. Each gives
             the same bits again; both are within the tolerance.
@@ -271,7 +255,7 @@ class Simulator:
         if progress is not None and not callable(progress):
             raise TypeError(f"progress is {progress!r}: a function of two numbers of frames, or None, is needed")
         times = self.frame_times(duration, start)
-        data = np.empty((len(times), *self.radar.frame_shape), dtype=np.complex64)
+        data = np.empty((len(times), *self.radar.frame_shape), dtype=self.radar.sample_type)
         for frame in self.frames(
             duration, start=start, noise=noise, seed=seed, receiver=receiver, device=device, workers=workers
         ):
@@ -287,19 +271,19 @@ class Simulator:
         start: float = 0.0,
         noise: bool = True,
         seed: int = 0,
-        receiver: Receiver | None = None,
+        receiver: ReceiverSource | None = None,
         device: str = "auto",
         workers: int = 1,
+        first_frame: int = 0,
+        full_scale: float | None = None,
     ) -> Iterator[Frame]:
-        """Iterator over the frames of :meth:`adc`, with constant memory; it traces the next frame meanwhile."""
+        """Iterator over the frames of :meth:`adc`, with constant memory; it traces the next frame meanwhile.
+
+        Frames before number `first_frame` are left out; `full_scale` [sqrt(W)] is then theirs, for an automatic ADC.
+        """
         seed, noise = check_whole("seed", seed), _switch("noise", noise)
-        if receiver is not None and not isinstance(receiver, Receiver):
-            raise TypeError(f"receiver is a {type(receiver).__name__}: a Receiver or None is needed")
-        if receiver is None:
-            receiver = Receiver() if noise else Receiver.ideal()
-        elif not noise:
-            receiver = receiver.without_noise()
-        receiver.check(self.radar)
+        first_frame = check_whole("first_frame", first_frame)
+        known = chosen_receiver(receiver, self.radar, noise)
         device = chosen_device(device)
         workers = check_workers(workers, device)
         times = self.frame_times(duration, start)
@@ -312,18 +296,33 @@ class Simulator:
         elif not self.transmission and self._surroundings is not None:
             what, rays = "scene's surfaces", self._surroundings
             warn_occluded(self.radar, rays, self.actors, begin, end, what, much=False, stacklevel=2)
-        return self._frames(times, receiver, seed, device, workers)
+        return self._frames(times, known, seed, device, workers, first_frame, full_scale)
 
     def _frames(
-        self, times: NDArray[np.float64], receiver: Receiver, seed: int, device: str, workers: int
+        self,
+        times: NDArray[np.float64],
+        receiver: Receiver,
+        seed: int,
+        device: str,
+        workers: int,
+        first: int,
+        full_scale: float | None,
     ) -> Iterator[Frame]:
-        full_scale, gains = None, receiver.tx_gains(self.radar, seed)
-        trace = frame_tracer(self.tracer, self._fusion, times)
-        made = frame_samples(self.radar, trace, times, self.rtol, gains, device, self._warn_silent, workers)
-        for index, (samples, traced) in enumerate(made):
+        trace, gains = frame_tracer(self.tracer, self._fusion, times), receiver.tx_gains(self.radar, seed)
+        made = frame_samples(self.radar, trace, times, self.rtol, gains, device, self._warn_silent, workers, first)
+        for index, (samples, traced) in enumerate(made, first):
             capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
             full_scale, image_paths = capture.full_scale, traced.image_paths
             yield Frame(index, traced.begin, capture.samples, traced.report, full_scale, capture.clipped, image_paths)
+
+    def record(self, output: str | PathLike[str], duration: float, **options: Any) -> Run:
+        """Write the frames of :meth:`adc` to an HDF5 file, with meshes, joints and labels of the actors, and open it.
+
+        `options` are those of :func:`rfgen_sionna.record`, which writes several radars to one file: `start`, `noise`,
+        `seed`, `receiver`, `device`, `workers`, `pir_resolution`, `fov_deg`, `projection`, `overwrite`, `resume`,
+        `progress`.
+        """
+        return record(output, self, duration, **options)
 
     def is_occluded(self, actor: MeshActor, start: float, stop: float) -> bool:
         """Whether static surfaces, or surroundings from an image, occlude all of `actor` from the radar from `start` to

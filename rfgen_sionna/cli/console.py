@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from rfgen_sionna.progress_bar import progress_bar
 
 out = Console()
 err = Console(stderr=True)
@@ -54,13 +55,9 @@ def report_written(path: Path | None) -> None:
     out.print(f"[green]wrote[/green] {escape(str(path))}", soft_wrap=True)
 
 
-@contextmanager
-def progress(description: str) -> Iterator[Callable[[int, int], None]]:
-    """Progress bar; yields a callback for the numbers of finished steps and of all steps."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, TextColumn("elapsed,"), TimeRemainingColumn(), TextColumn("left"), console=out) as bar:
-        task = bar.add_task(description, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+def progress(description: str) -> AbstractContextManager[Callable[[int, int], None]]:
+    """Progress bar; gives a callback for the numbers of finished steps and of all steps."""
+    return progress_bar(description, out)
 
 
 def warn(message: Warning | str, category: type[Warning], *_: object) -> None:

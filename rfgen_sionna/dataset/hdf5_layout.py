@@ -3,38 +3,85 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
 import h5py
 import numpy as np
 
-from rfgen_sionna.dataset.schema import AXES, FORMAT, PIR_CHANNELS, VERSION, ActorInfo, Label, RunInfo
+from rfgen_sionna.dataset.schema import AXES, FORMAT, PIR_CHANNELS, RADARS, VERSION, ActorInfo, Label, RunInfo
 from rfgen_sionna.records import Pir
 
 _TEXT = h5py.string_dtype()
 
 
-def create_run(file: h5py.File, info: RunInfo) -> None:
+def _created() -> dict[str, str]:
+    """Attributes of every file."""
+    return {
+        "Conventions": f"{FORMAT}-{VERSION}", "format": FORMAT, "format_version": VERSION,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }  # fmt: skip
+
+
+def _settings(info: RunInfo) -> dict[str, str]:
+    """Attributes that determine the frames of a run."""
+    return {
+        "prompt": info.prompt, "negative_prompt": info.negative_prompt, "environment": info.environment,
+        "receiver": "" if info.receiver is None else json.dumps(info.receiver),
+        "radar": json.dumps(info.radar.to_dict()),
+        "seeds": json.dumps({name: None if seed is None else int(seed) for name, seed in info.seeds.items()}),
+        "settings": json.dumps(dict(info.settings)),
+    }  # fmt: skip
+
+
+def create_radars(file: h5py.File, infos: Mapping[str, RunInfo]) -> None:
+    """Create a file for several radars, each with a group for its run."""
+    file.attrs.update(_created() | {RADARS: json.dumps(list(infos))})
+    file.create_group(RADARS)
+
+
+def run_difference(file: h5py.Group, info: RunInfo | Mapping[str, RunInfo]) -> str:
+    """First difference between a file and a run, "NAME is VALUE instead of VALUE"; empty if they are the same run."""
+    if isinstance(info, Mapping):
+        names = json.loads(file.attrs.get(RADARS, "[]"))
+        if names != list(info):
+            return f"radars are {names} instead of {list(info)}"
+        found = ((name, run_difference(file[f"{RADARS}/{name}"], each)) for name, each in info.items())
+        return next((f"radar '{name}' has another run: its {text}" for name, text in found if text), "")
+    for name, value in _settings(info).items():
+        old = str(file.attrs.get(name, ""))
+        if old == value:
+            continue
+        both_tables = name not in ("prompt", "negative_prompt", "environment") and old and value
+        tables = [json.loads(text) if both_tables else {"": text} for text in (old, value)]
+        for key in (*tables[1], *tables[0]):
+            before, after = (table.get(key) for table in tables)
+            if before != after:
+                return f"{name}{'.' if key else ''}{key} is {_short(before)} instead of {_short(after)}"
+    return ""
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}…"
+
+
+def create_run(file: h5py.Group, info: RunInfo) -> None:
     """Create everything but labels and PIR, whose shapes are those of the first frame."""
     radar, wave = info.radar, info.radar.waveform
-    file.attrs.update({
-        "Conventions": f"{FORMAT}-{VERSION}", "format": FORMAT, "format_version": VERSION,
-        "created": datetime.now(UTC).isoformat(timespec="seconds"), "prompt": info.prompt,
-        "negative_prompt": info.negative_prompt, "environment": info.environment, "report": info.report,
-        "receiver": "" if info.receiver is None else json.dumps(info.receiver), "radar": json.dumps(radar.to_dict()),
-        "seeds": json.dumps({name: None if seed is None else int(seed) for name, seed in info.seeds.items()}),
-        "software": json.dumps(dict(info.software)),
-    })  # fmt: skip
+    software = {"report": info.report, "software": json.dumps(dict(info.software))}
+    file.attrs.update(_created() | _settings(info) | software)
     _scale(file, "frame", np.arange(0), "frame number", frames=True)
     _scale(file, "chirp", np.arange(wave.num_loops), "loop within the frame")
     by_element = radar.axis_names == radar.tx_names
     _scale(file, "tx", list(radar.axis_names), "transmit element" if by_element else "slot, with its active elements")
     _scale(file, "rx", list(radar.rx_names), "receive element")
     _scale(file, "sample", np.arange(wave.num_samples), "ADC sample within the chirp")
+    kind, meaning = (np.float32, "real samples") if radar.adc.real else (np.complex64, "complex baseband")
     _series(
-        file, "adc", radar.frame_shape, np.complex64, ("chirp", "tx", "rx", "sample"), "sqrt(W)",
-        "complex baseband at the receiver input: |sample|² is power",
+        file, "adc", radar.frame_shape, kind, ("chirp", "tx", "rx", "sample"), "sqrt(W)",
+        f"{meaning} at the receiver input: |sample|² is power",
     )  # fmt: skip
     _series(file, "frame_time", (), np.float64, (), "s", "start of the first ramp of the frame")
     _series(file, "mesh_time", (), np.float64, (), "s", "time of meshes, joints and labels")
@@ -62,7 +109,7 @@ def create_run(file: h5py.File, info: RunInfo) -> None:
         _create_actor(file, actor)
 
 
-def _create_actor(file: h5py.File, actor: ActorInfo) -> None:
+def _create_actor(file: h5py.Group, actor: ActorInfo) -> None:
     at = f"actors/{actor.name}"
     file.create_group(at).attrs["material"] = actor.material
     _scale(file, f"{at}/vertex", np.arange(actor.num_vertices, dtype=np.int32), "vertex number")
@@ -84,7 +131,7 @@ def _create_actor(file: h5py.File, actor: ActorInfo) -> None:
         )  # fmt: skip
 
 
-def create_label(file: h5py.File, name: str, label: Label, shape: tuple[int, ...]) -> None:
+def create_label(file: h5py.Group, name: str, label: Label, shape: tuple[int, ...]) -> None:
     """Create the series of a label with values of `shape`; ValueError if it has other axes than declared."""
     if len(shape) != len(label.dims):
         raise ValueError(f"label '{name}' has shape {shape}; the axes {label.dims} are declared")
@@ -100,7 +147,7 @@ def create_label(file: h5py.File, name: str, label: Label, shape: tuple[int, ...
     _series(file, f"labels/{name}", shape, kind, tuple(dims), label.units, label.description)
 
 
-def create_pir(file: h5py.File, pir: Pir) -> None:
+def create_pir(file: h5py.Group, pir: Pir) -> None:
     """Create the series of images with the pixels, field of view and projection of `pir`."""
     rows, columns = np.shape(pir.energy)
     file.create_group("pir").attrs.update({"fov_deg": pir.fov_deg, "projection": pir.projection})
@@ -118,7 +165,7 @@ def create_pir(file: h5py.File, pir: Pir) -> None:
     _series(file, "pir/orientation", (3,), np.float64, ("pir/angle",), "rad", "orientation of the viewpoint")
 
 
-def _scale(file: h5py.File, name: str, values: Any, description: str, *, frames: bool = False) -> None:
+def _scale(file: h5py.Group, name: str, values: Any, description: str, *, frames: bool = False) -> None:
     text = isinstance(values, list)
     dataset = file.create_dataset(
         name, data=values, dtype=_TEXT if text else None, maxshape=(None,) if frames else None,
@@ -128,20 +175,20 @@ def _scale(file: h5py.File, name: str, values: Any, description: str, *, frames:
     dataset.make_scale(name.rpartition("/")[2])
 
 
-def _fixed(file: h5py.File, name: str, values: Any, dims: tuple[str, ...], units: str, description: str) -> None:
+def _fixed(file: h5py.Group, name: str, values: Any, dims: tuple[str, ...], units: str, description: str) -> None:
     kind = _TEXT if isinstance(values, list) else None
     _describe(file, file.create_dataset(name, data=values, dtype=kind), dims, units, description)
 
 
 def _series(
-    file: h5py.File, name: str, shape: tuple[int, ...], kind: Any, dims: tuple[str, ...], units: str, description: str
+    file: h5py.Group, name: str, shape: tuple[int, ...], kind: Any, dims: tuple[str, ...], units: str, description: str
 ) -> None:
     chunks = (1, *shape) if shape else (1024,)
     dataset = file.create_dataset(name, (0, *shape), kind, maxshape=(None, *shape), chunks=chunks)
     _describe(file, dataset, ("frame", *dims), units, description)
 
 
-def _describe(file: h5py.File, dataset: h5py.Dataset, dims: tuple[str, ...], units: str, description: str) -> None:
+def _describe(file: h5py.Group, dataset: h5py.Dataset, dims: tuple[str, ...], units: str, description: str) -> None:
     if units:
         dataset.attrs["units"] = units
     dataset.attrs["long_name"] = description

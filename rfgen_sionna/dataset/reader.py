@@ -9,19 +9,18 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NoReturn
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.dataset.schema import FORMAT, PIR_CHANNELS, VERSION, RunFormatError
+from rfgen_sionna.dataset.hdf5_layout import run_difference
+from rfgen_sionna.dataset.run_file import RunFile
+from rfgen_sionna.dataset.schema import PIR_CHANNELS, RunFormatError, RunInfo
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube, Pir
-
-_NEEDED = ("adc", "frame_time", "mesh_time", "actors", "labels")
-_NEEDED_ATTRIBUTES = ("format_version", "prompt", "negative_prompt", "environment", "radar", "seeds", "software")
 
 
 @dataclass(frozen=True)
@@ -36,15 +35,19 @@ class ActorRecord:
     face_parts: IntArray
     """(face,) index into `part_names`."""
     joint_names: tuple[str, ...]
-    _group: h5py.Group
+    _file: RunFile
+    _radar_name: str
 
     def vertices(self, frame: int) -> NDArray[np.float32]:
         """(vertex, 3) world positions [m] in frame `frame`."""
-        return np.asarray(self._group["vertices"][frame])
+        return self._points("vertices", frame)
 
     def joints(self, frame: int) -> NDArray[np.float32]:
         """(joint, 3) world positions [m] in frame `frame`; (0, 3) where the actor has no skeleton."""
-        return np.asarray(self._group["joints"][frame]) if self.joint_names else np.empty((0, 3), np.float32)
+        return self._points("joints", frame) if self.joint_names else np.empty((0, 3), np.float32)
+
+    def _points(self, kind: str, frame: int) -> NDArray[np.float32]:
+        return np.asarray(self._file.group(self._radar_name)[f"actors/{self.name}/{kind}"][frame])
 
 
 @dataclass(frozen=True)
@@ -59,11 +62,17 @@ class LabelRecord:
 
 
 class Run:
-    """Open run file (:func:`open_run`), to be closed or used in a `with` statement."""
+    """Open run file (:func:`open_run`), to be closed or used in a `with` statement.
 
-    def __init__(self, path: Path, file: h5py.File) -> None:
-        self.path = path
-        self._file = file
+    A file of several radars has the run of each by its name, `run["left"]`; the file itself has no samples. A run can
+    be pickled, for processes of any start method: the copy opens the file again, as does a forked process.
+    """
+
+    def __init__(self, file: RunFile, radar_name: str = "") -> None:
+        self._file, self._radar_name = file, radar_name
+
+    def __reduce__(self) -> Any:
+        return Run, (self._file, self._radar_name)
 
     def __enter__(self) -> Run:
         return self
@@ -74,8 +83,33 @@ class Run:
         self.close()
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file, for all of its radars."""
         self._file.close()
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._file.path
+
+    @property
+    def radars(self) -> Mapping[str, Run]:
+        """Runs by the names of their radars, in the order of the file; of one radar this run itself."""
+        names = () if self._radar_name else self._file.radar_names
+        return {name: Run(self._file, name) for name in names} or {self._radar_name or self.radar.name: self}
+
+    def __getitem__(self, radar: str) -> Run:
+        """Run of the radar of that name."""
+        runs = self.radars
+        if radar not in runs:
+            raise KeyError(f"'{self.path}' has no radar {radar!r}; it has {', '.join(map(repr, runs))}")
+        return runs[radar]
+
+    def __iter__(self) -> NoReturn:
+        raise TypeError("a run is no sequence: run.adc has its frames, run.radars its radars")
+
+    def is_same(self, info: RunInfo | Mapping[str, RunInfo]) -> bool:
+        """Whether the file has all frames of the run `info` (of each radar, by its name)."""
+        return not run_difference(self._file.root, info)
 
     def __len__(self) -> int:
         """Number of frames."""
@@ -83,7 +117,7 @@ class Run:
 
     @property
     def adc(self) -> h5py.Dataset:
-        """(frame, chirp, tx, rx, sample) complex64 on the disk [sqrt(W)]; a slice reads it."""
+        """(frame, chirp, tx, rx, sample) complex64, of a real ADC float32, on the disk [sqrt(W)]; a slice reads it."""
         return self._opened["adc"]
 
     def cube(self, frames: slice = slice(None)) -> AdcCube:
@@ -128,7 +162,7 @@ class Run:
 
     @property
     def clipped(self) -> int:
-        """Number of I and Q values, of `2 adc.size`, beyond the ADC's range."""
+        """Number of I and Q values, of `2 adc.size` (of a real ADC `adc.size`), beyond the ADC's range."""
         return int(self.adc.attrs.get("clipped", 0))
 
     @property
@@ -150,6 +184,11 @@ class Run:
     def seeds(self) -> dict[str, int | None]:
         """Seed of each draw; None for one without randomness."""
         return dict(self._json("seeds"))
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Settings of the simulation; empty in older files."""
+        return dict(self._json("settings")) if "settings" in self._opened.attrs else {}
 
     @property
     def software(self) -> dict[str, str]:
@@ -189,7 +228,8 @@ class Run:
             found[str(name)] = ActorRecord(
                 name=str(name), material=str(group.attrs["material"]), faces=group["faces"][:],
                 part_names=tuple(group["part"].asstr()[:]), face_parts=group["face_part"][:],
-                joint_names=tuple(group["joint"].asstr()[:]) if "joint" in group else (), _group=group,
+                joint_names=tuple(group["joint"].asstr()[:]) if "joint" in group else (), _file=self._file,
+                _radar_name=self._radar_name,
             )  # fmt: skip
         return found
 
@@ -210,10 +250,9 @@ class Run:
         return found
 
     @property
-    def _opened(self) -> h5py.File:
-        if not self._file:
-            raise ValueError(f"run '{self.path}' is closed")
-        return self._file
+    def _opened(self) -> h5py.Group:
+        """Group of the radar's run."""
+        return self._file.group(self._radar_name)
 
     def _json(self, name: str) -> dict[str, Any]:
         try:
@@ -236,42 +275,7 @@ def open_run(path: str | os.PathLike[str]) -> Run:
     """
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(f"path is {path!r}: the path of a run file is needed")
-    target = Path(path)
-    if target.is_dir():
-        raise IsADirectoryError(f"run file '{target}' is a folder: the name of a file in it is needed")
-    if not target.is_file():
-        raise FileNotFoundError(f"run file '{target}' does not exist")
-    try:
-        file = h5py.File(target, "r")
-    except OSError as error:
-        raise RunFormatError(f"'{target}' is not an HDF5 file: {error}") from error
-    try:
-        _check(target, file)
-    except BaseException:
-        file.close()
-        raise
-    return Run(target, file)
-
-
-def _check(path: Path, file: h5py.File) -> None:
-    if file.attrs.get("format") != FORMAT:
-        raise RunFormatError(
-            f"'{path}' is no run of this package: attribute 'format' is {file.attrs.get('format')!r}, "
-            f"'{FORMAT}' is needed; it holds {', '.join(sorted(file)) or 'nothing'}"
-        )
-    missing = [f"attribute '{name}'" for name in _NEEDED_ATTRIBUTES if name not in file.attrs]
-    missing += [f"'{name}'" for name in _NEEDED if name not in file]
-    if missing:
-        raise RunFormatError(f"'{path}' lacks {', '.join(missing)}")
-    major = VERSION.partition(".")[0]
-    if str(file.attrs["format_version"]).partition(".")[0] != major:
-        raise RunFormatError(
-            f"'{path}' has format version {file.attrs['format_version']}; this package reads {major}.x"
-        )
-    if file["adc"].ndim != 5 or file["adc"].dtype.kind != "c":
-        raise RunFormatError(
-            f"'{path}': 'adc' is {file['adc'].dtype} {file['adc'].shape}; complex (frame, chirp, tx, rx, sample) needed"
-        )
+    return Run(RunFile(Path(path)))
 
 
 def _vector(values: Any) -> tuple[float, float, float]:

@@ -3,7 +3,7 @@
 One HDF5 file holds one run in netCDF-4 layout: dimension scales by name, units as attributes. Complex samples are the
 compound (r, i) of h5py and NumPy::
 
-    /adc            (frame, chirp, tx, rx, sample) complex64 [sqrt(W)]
+    /adc            (frame, chirp, tx, rx, sample) complex64 [sqrt(W)]; float32 of a radar with a real ADC
     /frame_time     (frame) start of each frame's first ramp [s]
     /chirp_time     (chirp, tx) start of each ramp after that [s]
     /sample_time    (sample) after the start of the ramp [s]; (tx, sample) with several profiles
@@ -13,7 +13,8 @@ compound (r, i) of h5py and NumPy::
     /actors/NAME/   vertices (frame, vertex, axis) [m], faces, face_part, joints (frame, joint, axis) [m]
     /labels/NAME    (frame, ...) as declared, with units
 
-Attributes of the file: prompt, its interpretation (report), environment, radar (JSON), seeds and versions (JSON).
+Attributes of the file: prompt, its interpretation (report), environment, radar (JSON), seeds, settings and versions
+(JSON). A file of several radars has one group of this layout for each, /radars/NAME.
 
     >>> import xarray                                                           # doctest: +SKIP
     >>> run = xarray.open_dataset("jacks.h5", engine="h5netcdf")                # doctest: +SKIP
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
 
 FORMAT = "rfgen-run"
 VERSION = "1.0"
+RADARS = "radars"
+"""Group, in a file of several radars, with the run of each radar as a group of this layout; the attribute of the same
+name lists them (JSON)."""
 PIR_CHANNELS: dict[str, str] = {"energy": "1", "time_of_arrival": "s", "velocity": "m s-1"}
 """Channels of a PIR image in the order of the file -> unit; energy is |path gain|²."""
 AXES = ("x", "y", "z")
@@ -79,6 +83,7 @@ STANDARD_LABELS: dict[str, Label] = {
     "action": Label("", ("actor",), "action of the actor", text=True),
     "position": Label("m", ("actor", "axis"), "centre of the actor, world frame"),
     "velocity": Label("m s-1", ("actor", "axis"), "velocity of that point, world frame"),
+    "bounding_box": Label("m", ("actor", "bound", "axis"), "least and largest coordinates of the actor, world frame"),
     "orientation": Label("rad", ("actor",), "direction the actor faces: yaw in the world frame"),
     "distance": Label("m", ("actor",), "radar to the centre of the actor"),
     "radial_velocity": Label("m s-1", ("actor",), "rate of the distance; positive is receding"),
@@ -126,7 +131,8 @@ class ActorInfo:
     def of(cls, actor: Any) -> ActorInfo:
         """Properties of an :class:`rfgen_sionna.scene.MeshActor`."""
         count, parts, joints = len(actor.vertices(0.0)), tuple(actor.part_names), tuple(actor.joint_names)
-        return cls(actor.name, actor.properties.name, actor.faces, count, parts, actor.face_parts, joints)
+        material = ", ".join(dict.fromkeys(each.name for each in actor.materials))
+        return cls(actor.name, material, actor.faces, count, parts, actor.face_parts, joints)
 
 
 @dataclass(frozen=True)
@@ -151,6 +157,8 @@ class RunInfo:
     """Interpretation of the prompt and every decision with its origin; several lines."""
     receiver: Mapping[str, Any] | None = None
     """Record of the receiver (`signal.receiver_record`), ready for JSON; None stores none."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """Settings of the simulation, ready for JSON, such as {"rtol": 0.01}; a resumed run has the same ones."""
     software: Mapping[str, str] = field(default_factory=software_versions)
 
     def __post_init__(self) -> None:

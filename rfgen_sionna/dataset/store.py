@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import h5py
-import numpy as np
 from numpy.typing import ArrayLike
 
-from rfgen_sionna.dataset.hdf5_layout import create_label, create_pir, create_run
-from rfgen_sionna.dataset.schema import PIR_CHANNELS, ActorInfo, RunInfo
+from rfgen_sionna.dataset.frame_writer import FrameWriter
+from rfgen_sionna.dataset.hdf5_layout import create_radars, run_difference
+from rfgen_sionna.dataset.schema import RADARS, RunInfo
 from rfgen_sionna.records import Pir
 
 
@@ -61,33 +61,68 @@ class RunWriter:
     path
         Output file (:func:`check_output`).
     info
-        Properties of the run.
+        Properties of the run; of several radars, a dictionary with those of each radar by its name.
     overwrite
         Whether the complete file replaces an existing one.
+    resume
+        Whether a block that raises keeps its whole frames in `.NAME.partial` beside the output, and a later writer with
+        the same `info` goes on after them.
 
     Raises
     ------
     OutputError
-        If the file cannot be written, at the start or at the end.
+        If the file cannot be written, at the start or at the end, or kept frames are those of another run.
     """
 
-    def __init__(self, path: str | os.PathLike[str], info: RunInfo, *, overwrite: bool = False) -> None:
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        info: RunInfo | Mapping[str, RunInfo],
+        *,
+        overwrite: bool = False,
+        resume: bool = False,
+    ) -> None:
         self.path = check_output(path, overwrite)
         self.info = info
-        self.frames = 0
-        self._overwrite = overwrite
-        self._partial = self.path.parent / f".{self.path.name}.partial-{os.getpid()}"
+        self._overwrite, self._resume = overwrite, resume
+        self._partial = self.path.parent / f".{self.path.name}.partial{'' if resume else f'-{os.getpid()}'}"
         self._file: h5py.File | None = None
-        self._view: tuple[tuple[float, ...], str] | None = None
+        self._writers: dict[str, FrameWriter] = {}
 
     def __enter__(self) -> RunWriter:
-        self._file = h5py.File(self._partial, "w", libver=("earliest", "v110"))
+        continued = self._resume and self._partial.exists()
         try:
-            create_run(self._file, self.info)
+            self._file = h5py.File(self._partial, "r+" if continued else "w", libver=("earliest", "v110"))
+        except OSError as error:
+            raise OutputError(
+                f"output '{self.path}': its frames in '{self._partial}' cannot be opened ({error}); another process "
+                "writes them, or the file is damaged: delete it"
+            ) from error
+        try:
+            if continued:
+                self._check_same(self._file)
+            elif isinstance(self.info, Mapping):
+                create_radars(self._file, self.info)
+            named = self.info.items() if isinstance(self.info, Mapping) else [("", self.info)]
+            for name, info in named:
+                group = self._file.require_group(f"{RADARS}/{name}") if name else self._file
+                self._writers[name] = FrameWriter(group, info)
         except BaseException:
-            self._abort()
+            self._file.close()
+            self._file = None
+            if not continued:
+                self._partial.unlink(missing_ok=True)
             raise
         return self
+
+    def _check_same(self, file: h5py.File) -> None:
+        """OutputError unless the frames in the partial file are those of the same run."""
+        difference = run_difference(file, self.info)
+        if difference:
+            raise OutputError(
+                f"output '{self.path}': the frames in '{self._partial}' are those of another run, whose "
+                f"{difference}: delete that file, or take the same arguments"
+            )
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -95,7 +130,7 @@ class RunWriter:
         if kind is not None:
             self._abort()
             return
-        if self.frames == 0:
+        if not all(writer.frames for writer in self._writers.values()):
             self._abort()
             raise OutputError(f"output '{self.path}': no frame was written")
         try:
@@ -106,6 +141,16 @@ class RunWriter:
             self._abort()
             raise
         self._publish()
+
+    def radar(self, name: str = "") -> FrameWriter:
+        """Writer of the frames of the radar `name`; empty for the only one."""
+        _ = self._opened
+        return self._writers[name]
+
+    @property
+    def frames(self) -> int:
+        """Number of frames in the file."""
+        return sum(writer.frames for writer in self._writers.values())
 
     def append(
         self,
@@ -119,13 +164,14 @@ class RunWriter:
         mesh_time: float | None = None,
         full_scale: float | None = None,
         clipped: float = 0.0,
+        radar: str = "",
     ) -> None:
         """Append a frame.
 
         Parameters
         ----------
         adc
-            (chirp, tx, rx, sample) complex samples.
+            (chirp, tx, rx, sample) samples, real for a radar with a real ADC, else complex.
         time
             Start of the frame's first ramp [s].
         pir
@@ -140,106 +186,20 @@ class RunWriter:
             Largest I or Q of the ADC [sqrt(W)], the same for all frames; None for samples without quantisation.
         clipped
             Share of the frame's I and Q values beyond full scale.
+        radar
+            Name of the radar, in a file of several.
 
         Raises
         ------
         ValueError
             If a value has a wrong shape, name or range; the frame is then not in the file.
         """
-        file = self._opened
-        samples = np.asarray(adc)
-        if samples.shape != file["adc"].shape[1:] or samples.dtype.kind != "c":
-            raise ValueError(
-                f"adc is {samples.dtype} {samples.shape}; complex {file['adc'].shape[1:]} "
-                "(chirp, tx, rx, sample) is needed by the radar"
-            )
-        if not np.all(np.isfinite(samples)):
-            raise ValueError(f"adc of frame {self.frames} holds NaN or infinite samples")
-        if not np.isfinite(time):
-            raise ValueError(f"time is {time!r}: seconds are needed")
-        if self.frames and not time > file["frame_time"][self.frames - 1]:
-            raise ValueError(f"time is {time} s; frames ascend, the last began at {file['frame_time'][-1]} s")
-        known = file["adc"].attrs.get("full_scale") if self.frames else full_scale
-        if known != full_scale or not 0 <= clipped <= 1 or (full_scale is not None and not 0 < full_scale < np.inf):
-            raise ValueError(
-                f"full_scale is {full_scale!r} and clipped {clipped!r}: full_scale of the frames before ({known!r}) "
-                "and a share in 0 … 1 are needed"
-            )
-        rows: list[tuple[str, Any]] = [
-            ("adc", samples.astype(np.complex64)),
-            ("frame_time", time),
-            ("mesh_time", time if mesh_time is None else mesh_time),
-            ("frame", self.frames),
-        ]
-        rows += self._geometry("vertices", vertices, [(a, a.num_vertices) for a in self.info.actors])
-        rows += self._geometry("joints", joints, [(a, len(a.joint_names)) for a in self.info.actors if a.joint_names])
-        rows += self._label_rows(labels)
-        rows += self._pir_rows(pir)
-        for name, value in rows:
-            dataset = file[name]
-            dataset.resize(self.frames + 1, axis=0)
-            dataset[self.frames] = value
-        if full_scale is not None:
-            words = int(file["adc"].attrs.get("clipped", 0)) + round(2 * samples.size * clipped)
-            file["adc"].attrs.update({"full_scale": full_scale, "clipped": words})
-        self.frames += 1
-
-    def _geometry(
-        self, kind: str, given: Mapping[str, ArrayLike] | None, wanted: Sequence[tuple[ActorInfo, int]]
-    ) -> list[tuple[str, Any]]:
-        given = given or {}
-        names = {actor.name for actor, _ in wanted}
-        if set(given) != names:
-            raise ValueError(f"{kind} are given for {sorted(given)}; needed for {sorted(names)}")
-        rows = []
-        for actor, count in wanted:
-            array = np.asarray(given[actor.name], np.float32)
-            if array.shape != (count, 3) or not np.all(np.isfinite(array)):
-                raise ValueError(f"{kind} of '{actor.name}' have shape {array.shape}: finite ({count}, 3) is needed")
-            rows.append((f"actors/{actor.name}/{kind}", array))
-        return rows
-
-    def _label_rows(self, labels: Mapping[str, Any] | None) -> list[tuple[str, Any]]:
-        labels = labels or {}
-        if set(labels) != set(self.info.labels):
-            raise ValueError(f"labels are {sorted(labels)}; declared are {sorted(self.info.labels)}")
-        group, rows = self._opened["labels"], []
-        for name, label in self.info.labels.items():
-            value = np.asarray(labels[name], object if label.text else np.float64)
-            if label.text and not all(isinstance(item, str) for item in value.flat):
-                raise ValueError(f"label '{name}' is {labels[name]!r}: texts are needed")
-            if name not in group:
-                create_label(self._opened, name, label, value.shape)
-            if value.shape != group[name].shape[1:]:
-                raise ValueError(
-                    f"label '{name}' has shape {value.shape}; {group[name].shape[1:]} {label.dims} is needed"
-                )
-            rows.append((f"labels/{name}", value if value.ndim else value.item()))
-        return rows
-
-    def _pir_rows(self, pir: Pir | None) -> list[tuple[str, Any]]:
-        exists = "image" in self._opened.get("pir", ())
-        if pir is None:
-            if exists:
-                raise ValueError(f"pir is missing in frame {self.frames}; the frames before have one")
-            return []
-        if not exists:
-            if self.frames:
-                raise ValueError(f"pir is given in frame {self.frames}; the frames before have none")
-            create_pir(self._opened, pir)
-            self._view = (tuple(pir.fov_deg), pir.projection)
-        image = np.stack([getattr(pir, channel) for channel in PIR_CHANNELS]).astype(np.float32)
-        if image.shape != self._opened["pir/image"].shape[1:] or self._view != (tuple(pir.fov_deg), pir.projection):
-            raise ValueError(
-                f"pir of frame {self.frames} has {image.shape[1:]} pixels, {pir.fov_deg} degrees, {pir.projection}; "
-                f"{self._opened['pir/image'].shape[2:]}, {self._view} as in the first frame are needed"
-            )
-        return [
-            ("pir/image", image),
-            ("pir/time", pir.time),
-            ("pir/position", pir.position),
-            ("pir/orientation", pir.orientation),
-        ]
+        self.radar(radar).append(
+            adc, time=time, pir=pir, vertices=vertices, joints=joints, labels=labels, mesh_time=mesh_time,
+            full_scale=full_scale, clipped=clipped,
+        )  # fmt: skip
+        if self._resume:
+            self._opened.flush()
 
     @property
     def _opened(self) -> h5py.File:
@@ -271,7 +231,8 @@ class RunWriter:
                 self._file.close()
         finally:
             self._file = None
-            self._partial.unlink(missing_ok=True)
+            if not (self._resume and self.frames):
+                self._partial.unlink(missing_ok=True)
 
 
 def _sync(path: Path) -> None:

@@ -121,7 +121,7 @@ def test_bad_input_is_refused_before_the_work(
 def test_types_that_cannot_be(quick: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match="prompt: expected a text, got int"):
         rfgen.generate(7, **quick)  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="environment: expected a text or None"):
+    with pytest.raises(TypeError, match="environment: expected a text, the path of a scene file"):
         rfgen.generate(PROMPT, **quick | {"environment": 3})
     with pytest.raises(ValueError, match=r"radar is 1843.*awr1843"):
         rfgen.generate(PROMPT, **quick | {"radar": 1843})

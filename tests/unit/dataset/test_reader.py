@@ -42,6 +42,7 @@ def test_lacking_attributes_and_newer_formats(tmp_path, write):
     with pytest.raises(RunFormatError, match=r"format version 2.0; this package reads 1\.x"):
         open_run(path)
     with h5py.File(path, "a") as file:
+        file.attrs["format_version"] = "1.0"
         del file.attrs["radar"]
     with pytest.raises(RunFormatError, match="lacks attribute 'radar'"):
         open_run(path)
