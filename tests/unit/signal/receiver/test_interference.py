@@ -16,7 +16,7 @@ def crossing(radar, slope, place=(10.0, 0.0, 0.0), at=30e-6):
     """A radar that faces `radar`, in step with it, whose ramps cross its own `at` seconds after their start."""
     own = radar.waveform
     waveform = replace(own, slope=slope, start_frequency=own.start_frequency + (own.slope - slope) * at)
-    other = replace(radar, waveform=waveform, name="other")
+    other = replace(radar, waveform=waveform, name="other", frequency_range=None)
     return other.placed(position=place, look_at=radar.position)
 
 
