@@ -12,14 +12,24 @@ if TYPE_CHECKING:
     from rfgen_sionna.generative.actor import Actor
     from rfgen_sionna.generative.bodies import Phenotype
     from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
+    from rfgen_sionna.generative.motion_library import MotionLibrary
     from rfgen_sionna.generative.prompts import parse_environment, parse_prompt
 
 _HOME = {
-    "ACTIONS": "motion", "Actor": "actor", "KinematicSource": "motion", "MotionSource": "motion",
-    "Phenotype": "bodies", "parse_environment": "prompts", "parse_prompt": "prompts",
+    "ACTIONS": "motion", "Actor": "actor", "KinematicSource": "motion", "MotionLibrary": "motion_library",
+    "MotionSource": "motion",    "Phenotype": "bodies", "parse_environment": "prompts", "parse_prompt": "prompts",
 }  # fmt: skip
 
-__all__ = ["ACTIONS", "Actor", "KinematicSource", "MotionSource", "Phenotype", "parse_environment", "parse_prompt"]
+__all__ = [
+    "ACTIONS",
+    "Actor",
+    "KinematicSource",
+    "MotionLibrary",
+    "MotionSource",
+    "Phenotype",
+    "parse_environment",
+    "parse_prompt",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from rfgen_sionna import cli
 from rfgen_sionna.dataset import Run, RunInfo, RunWriter, open_run
@@ -382,3 +383,17 @@ def test_help_teaches(rfgen: Rfgen, command: list[str]) -> None:
         assert "rfgen " + " ".join(command or ["generate"]) in out
     if command == ["generate"]:
         assert '--negative "left arm"' in out
+
+
+def test_motions_are_listed_and_drawn(tmp_path: Path) -> None:
+    app = CliRunner()
+    listed = app.invoke(cli.app, ["motions"])
+    assert listed.exit_code == 0
+    assert "lie_down" in listed.output
+    drawn = app.invoke(cli.app, ["motions", "cartwheel", "--draw", str(tmp_path / "wheels.png")])
+    assert drawn.exit_code == 0
+    assert (tmp_path / "wheels.png").stat().st_size > 10_000
+    again = app.invoke(cli.app, ["motions", "cartwheel", "--draw", str(tmp_path / "wheels.png")])
+    assert isinstance(again.exception, FileExistsError)
+    nothing = app.invoke(cli.app, ["motions", "levitates"])
+    assert "no clip has the words" in str(nothing.exception)

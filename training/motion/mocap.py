@@ -1,4 +1,4 @@
-"""The captured half of the training data: the mocap pack, on the mean adult and in our frame."""
+"""Packs of motion capture, on the mean adult and in our frame."""
 
 from __future__ import annotations
 
@@ -24,6 +24,12 @@ from rfgen_sionna.records import Motion
 
 _AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """From the pack's axes (y up, rest pose facing +z, left at +x) to ours."""
+_RADII = {
+    "pelvis": 0.10, "hip": 0.08, "spine1": 0.09, "spine2": 0.10, "spine3": 0.10, "neck": 0.06, "head": 0.09,
+    "collar": 0.07, "shoulder": 0.05, "elbow": 0.04, "wrist": 0.03, "knee": 0.05,
+    "ankle": MEAN_ADULT.ankle_height, "foot": MEAN_ADULT.toe_height,
+}  # fmt: skip
+"""Distance of the skin from each joint [m]: soles of the mean adult, elsewhere of a slim one."""
 _FILES = ("motions.npz", "clips.json")
 
 
@@ -35,7 +41,9 @@ class MocapClip:
     action: str
     captions: tuple[str, ...]
     licence: str
+    source: str
     subject: str
+    kind: str
     motion: Motion
 
 
@@ -62,7 +70,9 @@ def read_pack(folder: Path) -> list[MocapClip]:
                 record["action"],
                 tuple(record["captions"]),
                 record["licence"],
+                record["source"],
                 record["subject"],
+                record["kind"],
                 on_mean_adult(to_matrices(np.roll(quat[rows], -1, axis=-1)), trans[rows], offsets, parents, rate),
             )
         )
@@ -116,10 +126,12 @@ def on_mean_adult(
 
 
 def _clearance(places: FloatArray) -> FloatArray:
-    """(frame,) height of the lowest point of both feet over the floor [m]."""
-    toes = np.minimum(places[:, JOINT["left_foot"], 2], places[:, JOINT["right_foot"], 2]) - MEAN_ADULT.toe_height
-    ankles = np.minimum(places[:, JOINT["left_ankle"], 2], places[:, JOINT["right_ankle"], 2])
-    return np.minimum(toes, ankles - MEAN_ADULT.ankle_height)
+    """(frame,) height of the lowest part of the body over the floor [m], which a person who lies or crawls has not at
+    the feet."""
+    radii = np.array(
+        [_RADII[name.removeprefix("left_").removeprefix("right_")] for name in JOINT_NAMES[:NUM_BODY_JOINTS]]
+    )
+    return np.asarray((places[..., 2] - radii).min(axis=1))
 
 
 def find_contacts(places: FloatArray, rate: float, height: float = 0.05, speed: float = 0.35) -> np.ndarray:

@@ -11,22 +11,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 import typer
 
-from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
 from rfgen_sionna.generative.diffusion.drafts import canonical_sentence
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
-from rfgen_sionna.generative.motion.rotations import to_matrices
-from rfgen_sionna.generative.motion.skeleton import NUM_BODY_JOINTS, forward_kinematics, global_rotations
 from rfgen_sionna.records import Motion
+from rfgen_sionna.show.stick_figures import body_joints, stick_figures
 from training.motion.mocap import MocapClip, read_pack
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 SHOWN = ("walk", "jump", "jumping_jacks", "pick_up", "t_pose", "left_arm_raised", "right_leg_raised")
 SECONDS = 3.0
@@ -42,15 +37,6 @@ SHOTS: Mapping[str, tuple[str, int]] = MappingProxyType(
     }
 )
 """Action -> captured action, or clip, and the frame from which it is shown."""
-_POSES = 10
-_SPACE = 0.95
-"""From one pose to the next [m]."""
-
-
-def body_joints(motion: Motion) -> FloatArray:
-    """(frame, 22, 3) joint positions [m]."""
-    world = global_rotations(to_matrices(motion.rotations), motion.parents)
-    return forward_kinematics(world, motion.translation, motion.offsets, motion.parents)[:, :NUM_BODY_JOINTS]
 
 
 def shots(captures: Sequence[MocapClip]) -> dict[str, Motion]:
@@ -94,31 +80,11 @@ def strips(
         if action in captured:
             motions["captured"] = captured[action]
         for axes, name in zip(row, columns, strict=True):
-            _strip(axes, motions.get(name))
+            stick_figures(axes, motions.get(name))
             if action == actions[0]:
                 axes.set_title(name, fontsize=10)
         row[0].text(-1.0, 2.25, ACTIONS[action].description, fontsize=9, va="center")
     figure.savefig(path, dpi=100)
-
-
-def _strip(axes: Axes, motion: Motion | None) -> None:
-    axes.set_aspect("equal")
-    axes.set_xlim(-1.0, _SPACE * _POSES)
-    axes.set_ylim(-0.05, 2.35)
-    axes.set_axis_off()
-    if motion is None:
-        return
-    places = body_joints(motion)
-    for k in range(_POSES):
-        pose = places[round(k * (len(places) - 1) / (_POSES - 1))]
-        # seen half from the side: the person faces to the right and towards the eye
-        x = _SPACE * k + 0.75 * (pose[:, 0] - pose[0, 0]) - 0.66 * (pose[:, 1] - pose[0, 1])
-        for j in range(1, NUM_BODY_JOINTS):
-            p = motion.parents[j]
-            left, right = (motion.joint_names[j].startswith(side) for side in ("left", "right"))
-            colour = "tab:red" if left else "tab:blue" if right else "k"
-            axes.plot([x[p], x[j]], [pose[p, 2], pose[j, 2]], color=colour, lw=1.1)
-    axes.axhline(0.0, color="0.7", lw=0.6)
 
 
 def main(

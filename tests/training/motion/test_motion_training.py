@@ -48,7 +48,7 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     records = [
         {"name": f"clip{k}", "start": k * n, "frames": n, "action": "march", "captions": ["a person marches left"],
-         "licence": "none", "subject": "nobody"}
+         "licence": "none", "subject": "nobody", "source": "here", "kind": "mocap"}
         for k in range(2)
     ]  # fmt: skip
     (folder / "clips.json").write_text(json.dumps(records), encoding="utf-8")
