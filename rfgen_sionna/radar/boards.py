@@ -48,14 +48,36 @@ def board_file(name: str) -> Path:
     raise UnknownResourceError(message)
 
 
-def boards_for(band: tuple[float, float], tx: int = 0, rx: int = 0, *, part: bool = False) -> tuple[str, ...]:
-    """Names of the shipped boards that reach a band [Hz] (or a part of it), with at least `tx` Tx and `rx` Rx."""
+def boards_for(
+    band: tuple[float, float],
+    tx: int = 0,
+    rx: int = 0,
+    *,
+    most_rx: int | None = None,
+    real: bool = True,
+    part: bool = False,
+) -> tuple[str, ...]:
+    """Names of the shipped boards that reach a band [Hz].
+
+    Parameters
+    ----------
+    tx, rx
+        Least numbers of elements.
+    most_rx
+        Largest number of receivers; None for any.
+    real
+        Whether boards with real samples count.
+    part
+        Whether a part of the band is enough.
+    """
     found = []
     for name in available("radars"):
         table = read_config(resolve("radars", name))
         low, high = table["transmitter"]["frequency_range_hz"]
         inside = low < band[1] and band[0] < high if part else low <= band[0] and band[1] <= high
-        if inside and len(table["array"]["tx_names"]) >= tx and len(table["array"]["rx_names"]) >= rx:
+        transmitters, receivers = len(table["array"]["tx_names"]), len(table["array"]["rx_names"])
+        enough = transmitters >= tx and rx <= receivers <= (receivers if most_rx is None else most_rx)
+        if inside and enough and (real or not table["adc"].get("real", False)):
             found.append(name)
     return tuple(found)
 

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._short_repr import ShortRepr, short_vector
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
+from rfgen_sionna.radar.config_file import radar_table
 from rfgen_sionna.radar.pattern import Pattern, pattern_record
 from rfgen_sionna.radar.pose import POLARIZATIONS, Trajectory, Vector, look_at_angles, pose_at, rotation_matrix, vector
 from rfgen_sionna.radar.radar_checks import checked_band, checked_elements, checked_phases
-from rfgen_sionna.radar.radar_fields import radar_fields, radar_file
+from rfgen_sionna.radar.radar_fields import radar_fields
 from rfgen_sionna.radar.radar_record import fields_from_record, waveform_record
 from rfgen_sionna.radar.slots import phasors, slot_label
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.resources import available, resolve
 
 
-@dataclass(frozen=True, eq=False)
-class Radar:
+@dataclass(frozen=True, eq=False, repr=False)
+class Radar(ShortRepr):
     """Element positions, waveform, power, noise and pose of one radar.
 
     Device frame: boresight +x, y to the left, z up. The Tx elements are those that the preset fires.
@@ -107,20 +109,26 @@ class Radar:
         radar: str | os.PathLike[str],
         preset: str | None = None,
         *,
+        board: str | os.PathLike[str] | None = None,
         position: Vector = (0.0, 0.0, 0.0),
         orientation: Vector = (0.0, 0.0, 0.0),
         look_at: Vector | None = None,
         trajectory: Callable[[float], Any] | None = None,
         overrides: Mapping[str, Any] | None = None,
     ) -> Radar:
-        """Read a radar from a TOML file.
+        """Read a radar from its file, or from a configuration of its vendor's tools.
 
         Parameters
         ----------
         radar
-            Name of a shipped radar, or path of a TOML file in the same format.
+            Name of a shipped radar in any case, or path of a file, recognised by its content: a radar file in TOML, a
+            `.cfg` of TI's mmWave SDK, a `.mmwave.json` or `.setup.json` of mmWave Studio, or a `config.json` of
+            Infineon's Radar SDK.
         preset
-            Name of a configuration in the file; None takes its `default_preset`.
+            Name of a configuration in the file; None takes its `default_preset`. Vendors' files have the preset
+            "frame", with advanced frames "subframe0", "subframe1" …, of which one is to be named.
+        board
+            Board of a vendor's file that names none: a shipped radar, or the path of a radar file in TOML.
         position, orientation
             World position [m]; yaw, pitch, roll [rad] in Sionna's convention.
         look_at
@@ -137,8 +145,7 @@ class Radar:
         TypeError
             `overrides` is no mapping.
         """
-        path = radar_file(radar)
-        config = read_config(path)
+        config, path = radar_table(radar, preset, board)
         if overrides is not None:
             config = overridden(config, overrides, str(path))
         try:
@@ -267,6 +274,30 @@ class Radar:
     def sample_type(self) -> np.dtype[Any]:
         """Type of the samples in cubes and files: complex64, or float32 with a real ADC."""
         return np.dtype(np.float32 if self.adc.real else np.complex64)
+
+    @property
+    def axis_kind(self) -> str:
+        """Entries of the axis `tx`: "Tx" (elements) or "slots"."""
+        return "Tx" if self.axis_names == self.tx_names else "slots"
+
+    @property
+    def cell_text(self) -> str:
+        """Cells and limits of range and velocity, such as "cells 4.8 cm to 10.99 m and 7.8 cm/s to ±4.93 m/s"."""
+        ranges = f"{100 * self.range_resolution:.3g} cm to {self.max_range:.4g} m and "
+        velocities = f"{100 * self.velocity_resolution:.3g} cm/s to ±{self.max_velocity:.3g} m/s"
+        return f"cells {ranges if np.isfinite(self.range_resolution) else ''}{velocities}"
+
+    def _facts(self) -> Iterable[str]:
+        wave, (low, high) = self.waveform, self.waveform.sampled_band
+        yield f"{self.name!r} ({self.preset})"
+        yield f"{low / 1e9:.2f} … {high / 1e9:.2f} GHz"
+        yield f"{len(self.tx_names)} Tx × {len(self.rx_names)} Rx, {wave.multiplexing}"
+        yield f"{wave.num_loops} loops × {wave.num_samples} {'real' if self.adc.real else 'complex'} samples"
+        yield f"a frame each {1e3 * wave.frame_period:.4g} ms"
+        yield self.cell_text
+        yield f"at {short_vector(self.position)} m"
+        yield f"yaw, pitch, roll {short_vector(np.degrees(self.orientation))}°"
+        yield "" if self.trajectory is None else "moving"
 
     @property
     def frame_shape(self) -> tuple[int, int, int, int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -18,29 +17,9 @@ from rfgen_sionna.radar.pattern_table import read_table
 from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.slots import Slot, coded_slots, doppler_slot, hadamard_code, single
 from rfgen_sionna.radar.waveform import Waveform
-from rfgen_sionna.resources import available, resolve
 
 _LEAST_PITCH, _LARGEST_ARRAY = 0.05, 250.0
 """Allowed distances between elements of one end [wavelengths]: a wrong unit prefix falls outside."""
-
-
-def radar_file(radar: str | os.PathLike[str]) -> Path:
-    """Path of a radar file, from the name of a shipped radar or a path ending in `.toml`.
-
-    Raises
-    ------
-    RadarConfigError
-        No such radar or file.
-    """
-    if not isinstance(radar, (str, os.PathLike)) or not str(radar):
-        raise RadarConfigError(
-            f"radar is {radar!r}: the path of a TOML file or one of {', '.join(available('radars'))} is needed"
-        )
-    path = Path(radar)
-    path = path if path.suffix == ".toml" else resolve("radars", str(radar))
-    if not path.is_file():
-        raise RadarConfigError(f"radar file {path} does not exist; shipped radars: {', '.join(available('radars'))}")
-    return path
 
 
 def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict[str, Any]:
