@@ -24,6 +24,7 @@ POSE = {"position": (1.0, -2.0, 1.0), "look_at": (1.0, 3.0, 0.6)}
 TARGETS = {
     ("iwr6843isk", "out_of_box"): (2.0, 12.0, -8.0, 0.3),
     ("iwr6843isk_ods", "people_tracking"): (4.0, -25.0, 20.0, -1.3),
+    ("iwr6843aop", "people_tracking"): (4.0, 25.0, -20.0, 2.2),
     ("iwr1443boost", "radhar"): (3.0, -25.0, 6.0, -2.6),
     ("awr1642boost", "out_of_box"): (4.5, 17.0, 0.0, 0.45),
     ("awr1642boost", "bpm"): (4.5, 17.0, 0.0, 1.7),
@@ -70,10 +71,10 @@ def test_a_ball_is_found_where_it_is(name, preset):
     check_found(Radar.load(name, preset, overrides=few, **POSE), *TARGETS[name, preset])
 
 
-def test_feeds_from_the_other_side_turn_raw_samples():
-    """Ahead of the IWR6843ISK-ODS all 12 channels have one phase, but for the sign of RX2 and RX3."""
-    radar = Radar.load("iwr6843isk_ods", overrides={"preset.out_of_box.num_loops": 2})
+@pytest.mark.parametrize(("name", "sign"), [("iwr6843isk_ods", [1, -1, -1, 1]), ("iwr6843aop", [1, -1, 1, -1])])
+def test_feeds_from_the_other_side_turn_raw_samples(name, sign):
+    """Ahead of the board all 12 channels have one phase, but for the sign of two receivers."""
+    radar = Radar.load(name, overrides={"preset.out_of_box.num_loops": 2})
     cube = frame(radar, (8.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     channels = np.sum(cube * cube[:, :1, :1].conj(), axis=(0, 3))
-    sign = np.tile([1, -1, -1, 1], (3, 1))
-    np.testing.assert_allclose(np.angle(channels * sign), 0.0, atol=np.radians(3))
+    np.testing.assert_allclose(np.angle(channels * np.array(sign)), 0.0, atol=np.radians(3))

@@ -83,6 +83,13 @@ class TestVirtualArrays:
                 "1 1 1 1 1 1 1 1 1 1 1 1",
             ),
             (
+                "iwr6843aop",
+                2.5e-3,
+                "-1 -1 0 0 -3 -3 -2 -2 -1 -1 0 0",
+                "-1 0 -1 0 -3 -2 -3 -2 -3 -2 -3 -2",
+                "1 -1 1 -1 1 -1 1 -1 1 -1 1 -1",
+            ),
+            (
                 "iwr6843isk_ods",
                 2.426e-3,
                 "0 0 -1 -1 -2 -2 -3 -3 -2 -2 -3 -3",
@@ -99,7 +106,7 @@ class TestVirtualArrays:
         x, z, sign = (np.array(text.split(), float) for text in (azimuth, elevation, rotation))
         virtual = radar.virtual_positions.reshape(-1, 3)
         virtual = virtual - virtual[0]
-        np.testing.assert_allclose(virtual[:, 1], -pitch * x, atol=1e-9)
+        np.testing.assert_allclose(virtual[:, 1], pitch * (x[0] - x), atol=1e-9)
         np.testing.assert_allclose(virtual[:, 2], pitch * (z - z[0]), atol=1e-9)
         tx, rx = radar.feed_factors
         np.testing.assert_allclose((tx[:, None] * rx).ravel(), sign, atol=1e-12)
@@ -123,6 +130,7 @@ class TestVirtualArrays:
     [
         ("iwr6843isk", (60e9, 64e9), 12.0, 12.0, 5.625, False),
         ("iwr6843isk_ods", (60e9, 64e9), 12.0, 12.0, 5.625, False),
+        ("iwr6843aop", (60e9, 64e9), 10.0, 15.0, 5.625, False),
         ("iwr1443boost", (76e9, 81e9), 12.0, 15.0, 180.0, False),
         ("awr1642boost", (76e9, 81e9), 12.5, 15.0, 180.0, False),
         ("awr2944evm", (76e9, 81e9), 13.5, 12.0, 5.625, True),
