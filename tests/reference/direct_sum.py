@@ -27,6 +27,11 @@ def direct_sum(
     The element pattern and the Tx power are left out.
     """
     waveform = radar.waveform
+    phases = [
+        each or (0.0,) * count
+        for each, count in ((radar.tx_phases_deg, gain.shape[0]), (radar.rx_phases_deg, gain.shape[1]))
+    ]
+    gain = gain * np.exp(1j * np.radians(np.add.outer(*phases)))[..., None]
     if waveform.slots:
         return _slot_by_slot(radar, delay, gain, start)
     t = waveform.sample_times

@@ -167,3 +167,54 @@ def test_records_are_read_strictly(radar: Radar) -> None:
         Radar.from_dict(changed(None, waveform=[]))
     with pytest.raises(ValueError, match=r"waveform\.num_loops is 0"):
         Radar.from_dict(changed("waveform", num_loops=0))
+
+
+def test_a_real_adc_reaches_half_as_far() -> None:
+    plain, real = (Radar.load("awr1843", "mmmesh", overrides={"adc.real": flag}) for flag in (False, True))
+    assert real.range_window == pytest.approx(0.5 * plain.range_window)
+    assert real.max_range == real.range_window
+    assert plain.max_range == plain.waveform.range_window
+    assert (real.sample_type, plain.sample_type) == (np.float32, np.complex64)
+    assert Radar.from_dict(json.loads(json.dumps(real.to_dict()))) == real != plain
+    near = replace(real, waveform=replace(real.waveform, range_limit=2.0))
+    assert near.max_range == 2.0
+    with pytest.raises(ValueError, match=r"'adc.real' is 1; bool is needed"):
+        Radar.load("awr1843", overrides={"adc.real": 1})
+    with pytest.raises(ValueError, match=r"adc.real is 'yes': True"):
+        replace(real, adc=replace(real.adc, real="yes"))
+
+
+def test_phases_of_feeds_go_with_their_elements() -> None:
+    """The file has a phase for each element of the board, the radar those of the elements that fire."""
+    phases = {"array.tx_phases_deg": [0, 180, 90], "array.rx_phases_deg": [0, 180, 0, -180]}
+    radar = Radar.load("awr1843", "di_gesture", overrides=phases)
+    assert radar.tx_names == ("TX1", "TX3")
+    assert radar.tx_phases_deg == (0.0, 90.0)
+    tx, rx = radar.feed_factors
+    np.testing.assert_array_equal(tx, [1, 1j])
+    np.testing.assert_array_equal(rx, [1, -1, 1, -1])
+    assert Radar.from_dict(json.loads(json.dumps(radar.to_dict()))) == radar
+    plain = Radar.load("awr1843", "di_gesture")
+    assert plain != radar
+    assert "tx_phases_deg" not in plain.to_dict(), "records of boards without such feeds stay as they were"
+    assert replace(radar, tx_phases_deg=(0, 0), rx_phases_deg=()) == plain
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("array.rx_phases_deg", [0, 180], r"array.rx_phases_deg is \[0, 180\]: an angle for each of RX1"),
+        ("array.tx_phases_deg", [0, 0, 720], r"array.tx_phases_deg is 720; 0 or, in magnitude, 0.4 … 360"),
+        ("array.tx_phases_deg", [0, 0, "turned"], "'array.tx_phases_deg' is 'turned'"),
+    ],
+)
+def test_phases_that_do_not_fit_are_refused(key: str, value: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Radar.load("awr1843", "mmmesh", overrides={key: value})
+
+
+def test_phases_in_code_are_checked(radar: Radar) -> None:
+    with pytest.raises(ValueError, match=r"radar.tx_phases_deg is \(180.0,\): one angle .* for each of TX1, TX2, TX3"):
+        replace(radar, tx_phases_deg=(180.0,))
+    with pytest.raises(ValueError, match="angles in -360 … 360 degrees"):
+        replace(radar, rx_phases_deg=(0, 0, 0, float("nan")))

@@ -48,6 +48,12 @@ RADARS = {
     "near and far": short("awr1843", "near_far"),
     "triangle": short("awr1843", "triangle"),
     "down": down(MMMESH),
+    "feeds": replace(MMMESH, tx_phases_deg=(0.0, 180.0, 30.0), rx_phases_deg=(90.0, 0.0, 180.0, -45.0)),
+    "bpm of feeds": replace(
+        phased(MMMESH, *coded_slots(hadamard_code(3), (0, 1, 2), 3)),
+        tx_phases_deg=(0.0, 180.0, 30.0),
+        rx_phases_deg=(90.0, 0.0, 180.0, -45.0),
+    ),
     "constant": short("position2go", "doppler"),
     "profiles of other Tx": replace(
         MMMESH,
@@ -57,6 +63,7 @@ RADARS = {
             slots=(Slot((0.0, None, None)), Slot((None, 0.0, 180.0), 1), Slot((None, 0.0, 0.0), 1)),
             other_profiles=(Profile(78e9, -30e12, 5e6, 9e-6, 2e-6, 60e-6),),
         ),
+        tx_phases_deg=(0.0, 180.0, 30.0),
     ),
 }
 
