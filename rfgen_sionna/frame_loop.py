@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.pir.fused_tracer import FusedTracer
 from rfgen_sionna.processes import map_in_processes
@@ -34,8 +35,8 @@ MIN_EPS = 1e-7
 _BAND_POSITIONS = (-1.0, 0.0, 1.0)  # in half bands, for the estimate of an object's return
 
 
-@dataclass(frozen=True)
-class Frame:
+@dataclass(frozen=True, repr=False)
+class Frame(ShortRepr):
     """One frame of a run."""
 
     index: int

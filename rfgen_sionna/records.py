@@ -5,7 +5,7 @@ World frame: metres, z up, Sionna's conventions; a body in its rest pose faces +
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import lru_cache
@@ -14,14 +14,15 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._short_repr import ShortRepr, name_list, short_vector, time_span
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
 
-@dataclass(frozen=True)
-class Motion:
+@dataclass(frozen=True, repr=False)
+class Motion(ShortRepr):
     """Joint rotations of an articulated body, sampled at a fixed rate.
 
     Rest pose (all rotations identity): T-pose facing +x, left side at +y, z up.
@@ -50,6 +51,12 @@ class Motion:
     def duration(self) -> float:
         """Time between the first and the last pose [s]."""
         return (len(self.translation) - 1) / self.frame_rate
+
+    def _facts(self) -> Iterable[str]:
+        yield repr(self.action) if self.action else ""
+        yield f"{len(self.translation)} poses at {self.frame_rate:g} Hz ({self.duration:.4g} s)"
+        yield f"{len(self.joint_names)} joints"
+        yield "" if self.seed is None else f"seed {self.seed}"
 
 
 @runtime_checkable
@@ -140,8 +147,8 @@ _CHANNEL_FIELDS = ("a", "tau", "tau_rate")
 _PATH_FIELDS = ("direction", "arrival", "object_id", "part_id", "kind", "bounces", "facet")
 
 
-@dataclass(frozen=True)
-class RadarPaths:
+@dataclass(frozen=True, repr=False)
+class RadarPaths(ShortRepr):
     """Propagation paths between every Tx and Rx element, as smooth curves in time.
 
     The channel of one element pair is `sum_i a_i exp(-j 2 pi f tau_i)`: as in Sionna the propagation phase is not in
@@ -180,6 +187,17 @@ class RadarPaths:
     `a + sum_n dispersion[n-1] ((f - frequency) / half_band)^n`. None for a negligible change."""
     half_band: float = 0.0
     """Half the band of `dispersion` [Hz]."""
+
+    def _facts(self) -> Iterable[str]:
+        num_tx, num_rx, count, knots = self.a.shape
+        yield f"{count} paths × {num_tx} Tx × {num_rx} Rx × {knots} {'knot' if knots == 1 else 'knots'}"
+        yield time_span(self.times)
+        yield f"gains at {self.frequency / 1e9:.4g} GHz"
+        if self.a.size:
+            ranges, velocities = self.range, self.velocity
+            yield f"ranges {ranges.min():.4g} … {ranges.max():.4g} m"
+            yield f"radial velocities {velocities.min():.3g} … {velocities.max():.3g} m/s"
+        yield f"objects {name_list(self.object_names)}"
 
     @property
     def num_paths(self) -> int:
@@ -279,8 +297,8 @@ class RadarPaths:
         ]
 
 
-@dataclass(frozen=True)
-class Pir:
+@dataclass(frozen=True, repr=False)
+class Pir(ShortRepr):
     """Path-based intermediate representation: image of the returns at the radar's viewpoint, without hardware.
 
     Row 0 is the top, column 0 the left side from the radar. Pixels without returns have an `energy` of 0 and a
@@ -304,9 +322,20 @@ class Pir:
     time: float = 0.0
     """[s]"""
 
+    def _facts(self) -> Iterable[str]:
+        rows, columns = np.shape(self.energy)
+        seen = self.energy > 0
+        yield f"{rows} × {columns} pixels"
+        yield f"{self.fov_deg[0]:g}° × {self.fov_deg[1]:g}° {self.projection}"
+        yield f"at {self.time:.4g} s from {short_vector(self.position)} m"
+        yield f"{np.count_nonzero(seen)} pixels with returns"
+        if seen.any():
+            ranges = 0.5 * SPEED_OF_LIGHT * self.time_of_arrival[seen]
+            yield f"at {ranges.min():.4g} … {ranges.max():.4g} m"
 
-@dataclass(frozen=True)
-class AdcCube:
+
+@dataclass(frozen=True, repr=False)
+class AdcCube(ShortRepr):
     """Baseband samples of a run, with their radar."""
 
     data: NDArray[np.complex64] | NDArray[np.float32]
@@ -322,6 +351,15 @@ class AdcCube:
     """(frame,) start of the first ramp of each frame [s]."""
     seed: int | None = None
     """Seed of the noise; None for a cube without noise."""
+
+    def _facts(self) -> Iterable[str]:
+        axes = ("frames", "loops", self.radar.axis_kind, "Rx", "samples")
+        yield " × ".join(f"{length} {axis}" for length, axis in zip(self.data.shape, axes, strict=True))
+        yield f"{self.data.dtype} [√W]"
+        yield f"radar {self.radar.name!r} ({self.radar.preset})"
+        yield time_span(self.frame_times)
+        yield self.radar.cell_text
+        yield "no noise seed" if self.seed is None else f"seed {self.seed}"
 
     def in_firing_order(self) -> tuple[NDArray[np.complex64] | NDArray[np.float32], tuple[str, ...]]:
         """Samples (frame, chirp, slot, rx, sample) in the order in which the slots of a loop fire, and their names.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._deprecation import Renamed
+from rfgen_sionna._short_repr import ShortRepr, name_list
 from rfgen_sionna.dataset import Run
 from rfgen_sionna.frame_loop import Frame, frame_samples, frame_tracer
 from rfgen_sionna.pir import render_pir
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar.radar import Vector
 
 
-class Simulator:
+class Simulator(ShortRepr):
     """Traces a radar in a scene with actors and synthesises the samples of its ADC.
 
     Parameters
@@ -152,6 +153,15 @@ class Simulator:
             raise ValueError("refiner needs an environment, an image of the surroundings: give one or leave it out")
         if environment is not None:
             self._fusion = FusedTracer(self.tracer, environment, self.seed, refiner)
+
+    def _facts(self) -> Iterable[str]:
+        yield "free space" if self.scene.is_free_space else f"scene {self.scene.name!r}"
+        yield f"radar {self.radar.name!r} ({self.radar.preset})"
+        yield self.radar.cell_text
+        yield f"actors {name_list(actor.name for actor in self.actors)}" if self.actors else "no actors"
+        yield f"rtol {self.rtol:g}"
+        yield f"max_bounces {self.max_bounces}"
+        yield "transmission" if self.transmission else ""
 
     @cached_property
     def tracer(self) -> Tracer:

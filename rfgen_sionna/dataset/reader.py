@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._short_repr import ShortRepr, name_list, short_value, time_span
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.dataset.hdf5_layout import run_difference
 from rfgen_sionna.dataset.run_file import RunFile
@@ -23,8 +24,8 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube, Pir
 
 
-@dataclass(frozen=True)
-class ActorRecord:
+@dataclass(frozen=True, repr=False)
+class ActorRecord(ShortRepr):
     """Actor of a run."""
 
     name: str
@@ -50,8 +51,8 @@ class ActorRecord:
         return np.asarray(self._file.group(self._radar_name)[f"actors/{self.name}/{kind}"][frame])
 
 
-@dataclass(frozen=True)
-class LabelRecord:
+@dataclass(frozen=True, repr=False)
+class LabelRecord(ShortRepr):
     """Label over all frames."""
 
     values: NDArray[Any]
@@ -61,7 +62,7 @@ class LabelRecord:
     description: str
 
 
-class Run:
+class Run(ShortRepr):
     """Open run file (:func:`open_run`), to be closed or used in a `with` statement.
 
     A file of several radars has the run of each by its name, `run["left"]`; the file itself has no samples. A run can
@@ -70,6 +71,25 @@ class Run:
 
     def __init__(self, file: RunFile, radar_name: str = "") -> None:
         self._file, self._radar_name = file, radar_name
+
+    def _facts(self) -> Iterable[str]:
+        yield repr(str(self.path))
+        if not self._file.is_open:
+            yield "closed"
+            return
+        if names := () if self._radar_name else self._file.radar_names:
+            yield f"radars {name_list(names)}"
+            return
+        radar = self.radar
+        yield f"{len(self)} frames"
+        yield time_span(self.frame_times)
+        yield f"radar {self._radar_name or radar.name!r} ({radar.preset})"
+        yield radar.cell_text
+        yield f"actors {name_list(self.actors)}" if self.actors else "no actors"
+        yield short_value(self.prompt) if self.prompt else ""
+        yield f"in {short_value(self.environment)}" if self.environment else ""
+        yield f"labels {name_list(self.labels, 10)}" if self.labels else "no labels"
+        yield "PIR images" if self.has_pir else ""
 
     def __reduce__(self) -> Any:
         return Run, (self._file, self._radar_name)

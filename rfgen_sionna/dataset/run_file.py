@@ -42,6 +42,11 @@ class RunFile:
         self._file.close()
 
     @property
+    def is_open(self) -> bool:
+        """Whether the file is open."""
+        return bool(self._file)
+
+    @property
     def root(self) -> h5py.File:
         """The file; ValueError if it is closed."""
         if not self._file:

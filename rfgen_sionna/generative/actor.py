@@ -34,7 +34,7 @@ DEFAULT_DURATION = 3.0
 """Default duration of a motion [s]."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Actor(MeshActor):
     """A :class:`rfgen_sionna.scene.MeshActor` from a prompt, a motion or a file."""
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.multiplexing import ComplexChannels, decoder, entry_times
 
@@ -66,8 +67,8 @@ def compensate_tdm(channels: ComplexChannels, radar: Radar, velocity: ArrayLike)
     return turned if matrix is None else np.matmul(matrix.astype(channels.dtype), turned)
 
 
-@dataclass(frozen=True)
-class Directions:
+@dataclass(frozen=True, repr=False)
+class Directions(ShortRepr):
     """Direction estimates, one per channel vector."""
 
     azimuth: FloatArray

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.angle import compensate_tdm, steering, unit_vectors
 from rfgen_sionna.processing.demultiplex import as_beams
@@ -41,8 +42,8 @@ def row_weights(radar: Radar, window: str = "none") -> FloatArray:
     return weights / weights.sum()
 
 
-@dataclass(frozen=True)
-class RangeAzimuth:
+@dataclass(frozen=True, repr=False)
+class RangeAzimuth(ShortRepr):
     """Power against range and azimuth."""
 
     power: FloatArray
@@ -98,8 +99,8 @@ def range_azimuth(
     return RangeAzimuth(power=power, range=maps.range[:bins], azimuth=angles)
 
 
-@dataclass(frozen=True)
-class DynamicRangeAngle:
+@dataclass(frozen=True, repr=False)
+class DynamicRangeAngle(ShortRepr):
     """Dynamic range-angle images (DRAI), the input of gesture networks such as DI-Gesture's."""
 
     image: NDArray[np.float32]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.processing.multiplexing import Samples
 from rfgen_sionna.processing.spectrum import check_cube, complex_samples, real_samples, taper
@@ -28,8 +29,8 @@ _STEPS = 8
 """Trials of the range bias per range cell before the refinement."""
 
 
-@dataclass(frozen=True, eq=False)
-class Calibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration(ShortRepr):
     """Errors of a board's channels.
 
     Raises

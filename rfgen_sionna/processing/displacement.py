@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 from scipy.optimize import least_squares
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.processing.spectrum import check_cube, observation_time, range_axis, range_spectrum
 
@@ -25,8 +26,8 @@ _FREQUENCIES = 1 << 14
 """Least number of points of the spectrum of a displacement."""
 
 
-@dataclass(frozen=True)
-class Displacement:
+@dataclass(frozen=True, repr=False)
+class Displacement(ShortRepr):
     """Displacement of the strongest moving return."""
 
     range: float
@@ -36,8 +37,8 @@ class Displacement:
     displacement: FloatArray
     """(frame,) radial displacement of mean 0 [m]; positive is receding."""
     scale_error: float
-    """Relative standard error of the scale of `displacement`, that of the radius of the fitted circle. The rate does
-    not depend on it."""
+    """Relative error of the scale of `displacement`: standard error of the radius of the fitted circle, or scatter
+    about it. The rate does not depend on it."""
 
     def rate(self, low: float = 0.1, high: float = 0.7) -> float:
         """Frequency of the highest spectral line in `low` … `high` [Hz], those of breathing by default.
@@ -117,8 +118,8 @@ def displacement(
     centre, error = _fitted_circle(signal)
     if error > _UNCERTAIN:
         warnings.warn(
-            f"displacement: the samples lie on an arc too short for its circle: the scale is uncertain by "
-            f"{100 * error:.0f} %, the rate is not",
+            "displacement: the samples lie on no clear circle, on a short arc or with changing amplitude: the scale is "
+            f"uncertain by {100 * error:.0f} %, the rate is not",
             stacklevel=2,
         )
     moved = np.unwrap(np.angle(signal - centre)) * radar.wavelength / (4 * np.pi)

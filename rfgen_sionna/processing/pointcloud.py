@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.angle import Directions, find_directions, unit_vectors
 from rfgen_sionna.processing.demultiplex import as_beams
@@ -39,8 +40,8 @@ _GUARD, _TRAIN = 2, 8
 """Default guard and training cells of CFAR on either side, in resolution cells; small maps have fewer."""
 
 
-@dataclass(frozen=True)
-class PointCloud:
+@dataclass(frozen=True, repr=False)
+class PointCloud(ShortRepr):
     """Detections of one frame, strongest first."""
 
     range: FloatArray

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import ShortTimeFFT
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.multiplexing import occupied_bins, separate_bands, uses_doppler_bands
 from rfgen_sionna.processing.spectrum import (
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
 
-@dataclass(frozen=True)
-class RangeTime:
+@dataclass(frozen=True, repr=False)
+class RangeTime(ShortRepr):
     """Range profiles against time."""
 
     power: FloatArray
@@ -45,8 +46,8 @@ class RangeTime:
     """(range,) [m]"""
 
 
-@dataclass(frozen=True)
-class DopplerTime:
+@dataclass(frozen=True, repr=False)
+class DopplerTime(ShortRepr):
     """Doppler spectra against time."""
 
     power: FloatArray

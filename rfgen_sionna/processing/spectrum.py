@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 from scipy import fft
 from scipy.signal import CZT, get_window, hilbert
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.multiplexing import ComplexChannels, Samples, axis_lengths, occupied_bins, separate_bands
 
@@ -174,8 +175,8 @@ def range_profiles(array: Samples, radar: Radar, window: Window, bins: int) -> C
     return range_transform(array * taper(window, array.shape[-1]).astype(array.real.dtype), radar, bins)
 
 
-@dataclass(frozen=True)
-class RangeDoppler:
+@dataclass(frozen=True, repr=False)
+class RangeDoppler(ShortRepr):
     """Range-Doppler spectra of every channel."""
 
     spectrum: ComplexChannels

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._short_repr import ShortRepr, short_value, short_vector
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.radar.pose import Vector, pose_at, rotation_matrix, vector
 from rfgen_sionna.records import MeshSequence
+from rfgen_sionna.scene.material_names import label_parts
 from rfgen_sionna.scene.materials import Material, material
-from rfgen_sionna.scene.mesh import RigidMesh
+from rfgen_sionna.scene.mesh_files import warn_of_units
+from rfgen_sionna.scene.rigid_mesh import RigidMesh, mesh_parts, size_limit
+from rfgen_sionna.scene.scene_errors import MaterialError
 from rfgen_sionna.scene.vertex_welding import weld_vertices
 
 MAX_SPEED = 0.01 * SPEED_OF_LIGHT
@@ -23,9 +27,10 @@ _PROBE_TIMES = (0.0, 0.236, 0.382, 0.618, 0.854, 1.0)
 """Tests for closed seams, as shares of the duration; in phase with no motion cycle."""
 
 
-@dataclass(frozen=True, eq=False)
-class MeshActor:
-    """A mesh sequence of one material, with a rigid motion in the world on top of its own deformation.
+@dataclass(frozen=True, eq=False, repr=False)
+class MeshActor(ShortRepr):
+    """A mesh sequence of one material, or of one for each part, with a rigid motion in the world on top of its own
+    deformation. Paths of an actor of several materials are labelled by actor and material: "car, glass".
 
     Raises:
         ValueError: a vector is not three finite numbers, the velocity exceeds :data:`MAX_SPEED`, the name is empty, or
@@ -36,8 +41,9 @@ class MeshActor:
 
     sequence: MeshSequence
     """Shape over time in the actor's own frame [m]."""
-    material: str | Material
-    """A material, or its name in :data:`rfgen_sionna.scene.MATERIALS`; `dataclasses.replace` changes one of those."""
+    material: str | Material | Mapping[str, str | Material]
+    """A material, or its name in :data:`rfgen_sionna.scene.MATERIALS` (:func:`rfgen_sionna.material` makes own ones);
+    or a mapping from each of `part_names` to one."""
     name: str = "actor"
     """Name in labels; unique within a simulation."""
     position: Vector = (0.0, 0.0, 0.0)
@@ -73,44 +79,95 @@ class MeshActor:
                     f"{self.name}: a trajectory gives the world position itself, leave position and velocity out"
                 )
             self.pose(0.0)
-        _ = self.properties
+        _ = self.materials
 
     @classmethod
     def from_mesh(
         cls,
         mesh: Any,
         *,
-        material: str | Material = "",
+        material: str | Material | Mapping[str, str | Material] = "",
         position: Vector = (0.0, 0.0, 0.0),
         velocity: Vector = (0.0, 0.0, 0.0),
         orientation: Vector = (0.0, 0.0, 0.0),
         trajectory: Callable[[float], Any] | None = None,
         name: str | None = None,
+        up: str | None = None,
+        scale: float | None = None,
     ) -> MeshActor:
         """A rigid actor.
 
         Args:
-            mesh: `trimesh.Trimesh`, `trimesh.Scene` as one mesh, path of a file that trimesh reads (metres), or a pair
-                (vertices, faces).
-            material: a material or its name; required.
+            mesh: `trimesh.Trimesh`, `trimesh.Scene`, path of a file that trimesh reads, or a pair (vertices, faces).
+            material: a material or its name, for the whole mesh; or a mapping from names of materials or objects in the
+                file to materials: `{"paint": "metal", "window": "glass"}`. Without it, materials (else objects) in the
+                file with names of :data:`rfgen_sionna.scene.MATERIALS` are those.
             position, velocity, orientation, trajectory: fields of this class.
             name: label; None takes the file's name, else "mesh".
+            up: up axis of the mesh, "x", "y", "z", "-x", "-y" or "-z"; None is "y" for glTF files, else "z". The front
+                of a mesh with y up is +z, as in glTF, and turns to +x.
+            scale: metres per unit of the mesh, 0.001 for millimetres; None takes the unit of the file, else metres.
 
         Raises:
             MeshError: the mesh is not usable (:func:`rfgen_sionna.scene.mesh.check_mesh`).
             MaterialError: no material, or an unknown one.
             FileNotFoundError, IsADirectoryError: the path is no file.
+            ValueError: `up` is no axis, or `scale` is not positive.
             TypeError: `mesh` is none of the above.
         """
-        rigid = RigidMesh.load(mesh, name)
-        return cls(rigid, material, rigid.name, position, orientation, velocity, trajectory)
+        if isinstance(material, Material) or (isinstance(material, str) and material.strip()):
+            rigid = RigidMesh.load(mesh, name, up=up, scale=scale)
+            return cls(rigid, material, rigid.name, position, orientation, velocity, trajectory)
+        parts, own_name = mesh_parts(mesh, name, up=up, scale=scale)
+        labels, materials = label_parts(parts, material, own_name)
+        labelled = [(label, part.vertices, part.faces) for label, part in zip(labels, parts, strict=True)]
+        rigid = RigidMesh.of_parts(labelled, own_name)
+        warn_of_units(rigid.name, rigid.points, size_limit(mesh, scale))
+        of_parts = materials[labels[0]] if len(rigid.part_names) == 1 else materials
+        return cls(rigid, of_parts, rigid.name, position, orientation, velocity, trajectory)
+
+    @cached_property
+    def materials(self) -> tuple[Material, ...]:
+        """Material of each of `part_names`; named ones refuse frequencies that their sources do not cover."""
+        names = self.sequence.part_names
+        if not isinstance(self.material, Mapping):
+            return (self._material_of(self.material),) * len(names)
+        missing = [name for name in names if name not in self.material]
+        unused = [name for name in self.material if name not in names]
+        if missing or unused:
+            raise MaterialError(
+                f"{self.name}: material gives {', '.join(map(repr, self.material)) or 'nothing'}, one for each part is "
+                f"needed: {', '.join(map(repr, names))}"
+            )
+        return tuple(self._material_of(self.material[name]) for name in names)
+
+    def _material_of(self, given: str | Material) -> Material:
+        return given if isinstance(given, Material) else material(given, outside="raise", owner=self.name)
+
+    def _facts(self) -> Iterable[str]:
+        yield short_value(self.name)
+        yield f"material {self.properties.name!r}"
+        yield f"{len(self.sequence.vertices(0.0))} vertices, {len(self.faces)} faces"
+        yield f"{len(self.part_names)} parts" if len(self.part_names) > 1 else ""
+        yield f"{len(self.joint_names)} joints" if self.joint_names else ""
+        yield f"action {self.action!r}" if self.action else ""
+        yield "rigid" if math.isinf(self.duration) else f"moves for {self.duration:.4g} s"
+        yield "on a trajectory" if self.trajectory is not None else f"at {short_vector(self.position)} m"
+        yield f"yaw, pitch, roll {short_vector(np.degrees(self.orientation))}°" if any(self.orientation) else ""
+        yield f"velocity {short_vector(self.velocity)} m/s" if any(self.velocity) else ""
 
     @property
     def properties(self) -> Material:
-        """The material; a named one refuses frequencies that its source does not cover."""
-        if isinstance(self.material, Material):
-            return self.material
-        return material(self.material, outside="raise", owner=self.name)
+        """The material of all parts.
+
+        Raises:
+            MaterialError: the parts have several materials (`materials`).
+        """
+        if any(each != self.materials[0] for each in self.materials[1:]):
+            each = zip(self.part_names, self.materials, strict=True)
+            given = ", ".join(f"{name} ({of.name})" for name, of in each)
+            raise MaterialError(f"{self.name}: one material is needed here, it has several: {given}")
+        return self.materials[0]
 
     @cached_property
     def faces(self) -> IntArray:

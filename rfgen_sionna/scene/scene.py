@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material, warn_uncovered
 from rfgen_sionna.scene.mesh import face_normals, used_vertices
@@ -59,8 +60,8 @@ def read_interior(path: Path) -> Interior:
     return Interior(low, high)
 
 
-@dataclass(frozen=True, eq=False)
-class StaticObject:
+@dataclass(frozen=True, eq=False, repr=False)
+class StaticObject(ShortRepr):
     """A static mesh of the scene, with two-sided surfaces as in Sionna."""
 
     name: str

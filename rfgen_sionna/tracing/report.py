@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._deprecation import Renamed
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.records import RadarPaths
@@ -65,8 +66,8 @@ class TraceReport:
     instants = Renamed("sample_times")
 
 
-@dataclass(frozen=True)
-class Traced:
+@dataclass(frozen=True, repr=False)
+class Traced(ShortRepr):
     """Paths over an interval of time. The channel is the sum of all parts; parts have knots of their own."""
 
     static: RadarPaths

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.noise import device_stream, frame_stream
@@ -27,8 +28,8 @@ REJECTION_DB = 70.0  # of the IF filter's stopband, below the noise of usual bur
 _PAIRS = 256  # bursts at a time: bounds memory
 
 
-@dataclass(frozen=True)
-class Interferer:
+@dataclass(frozen=True, repr=False)
+class Interferer(ShortRepr):
     """Another FMCW radar in the surroundings, not synchronised with this one.
 
     Its direct one-way path counts, with a random phase of each ramp.

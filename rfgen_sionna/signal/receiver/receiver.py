@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Adc, Radar
 from rfgen_sionna.signal.noise import add_thermal_noise, check_whole, frame_stream, noise_power
@@ -217,8 +218,8 @@ AUTOMATIC_HEADROOM = 2.0
 """Least ratio of an automatic full scale to the largest I or Q, or real sample, that it is set from."""
 
 
-@dataclass(frozen=True)
-class ReceivedFrame:
+@dataclass(frozen=True, repr=False)
+class ReceivedFrame(ShortRepr):
     """Samples of one frame behind the receiver."""
 
     samples: ComplexArray | FloatArray
