@@ -23,7 +23,8 @@ def radar_line(run: Run) -> str:
     return (
         f"{radar.name} · {radar.preset} · {low / 1e9:.2f}–{high / 1e9:.2f} GHz · "
         f"{wave.num_loops} loops × {sent} × {len(radar.rx_positions)} Rx × "
-        f"{wave.num_samples} samples · cell {cell}{radar.velocity_resolution * 100:.1f} cm/s"
+        f"{wave.num_samples} {'real ' if radar.adc.real else ''}samples · "
+        f"cell {cell}{radar.velocity_resolution * 100:.1f} cm/s"
     )
 
 
