@@ -6,6 +6,8 @@ direction is what the virtual aperture resolves, lambda / D in the sine of the a
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import trimesh
@@ -60,15 +62,66 @@ def check_found(radar, range_, azimuth_deg, elevation_deg, velocity):
         assert abs(visible[1] - towards[2]) < 0.1 * radar.wavelength / (extent[2] + half)
 
 
-SLOW = ("awr2944evm", "ddm")
+SLOW = (("awr1642boost", "bpm"), ("awr2944evm", "four_tx"), ("awr2944evm", "ddm"))
 
 
 @pytest.mark.parametrize(
-    ("name", "preset"), [pytest.param(*key, marks=[pytest.mark.slow] * (key == SLOW)) for key in TARGETS]
+    ("name", "preset"), [pytest.param(*key, marks=[pytest.mark.slow] * (key in SLOW)) for key in TARGETS]
 )
 def test_a_ball_is_found_where_it_is(name, preset):
     few = {"preset.out_of_box.num_loops": 8} if preset == "out_of_box" else None
     check_found(Radar.load(name, preset, overrides=few, **POSE), *TARGETS[name, preset])
+
+
+# board: arguments of profileCfg, Tx mask of each chirp, those of frameCfg, real samples; and a target.
+PROFILES = {
+    "iwr6843isk": ("0 60.25 30 7 50 0 0 70 1 192 5000 0 0 158", [1, 4, 2], "0 2 16 0 50 1 0", False),
+    "iwr6843isk_ods": ("0 60.25 30 7 50 0 0 70 1 192 5000 0 0 158", [1, 2, 4], "0 2 16 0 50 1 0", False),
+    "iwr6843aop": ("0 60.25 30 7 50 0 0 70 1 192 5000 0 0 158", [1, 2, 4], "0 2 16 0 50 1 0", False),
+    "iwr1443boost": ("0 77 30 7 50 0 0 70 1 192 5000 0 0 30", [1, 4, 2], "0 2 16 0 50 1 0", False),
+    "awr1642boost": ("0 77 30 7 50 0 0 70 1 192 5000 0 0 30", [1, 2], "0 1 16 0 50 1 0", False),
+    "awr2944evm": ("0 77 30 7 50 0 0 70 1 384 10000 0 0 30", [1, 2, 4, 8], "0 3 16 0 384 50 1 0", True),
+}
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_a_ball_is_found_through_a_configuration_for_the_board(name, tmp_path):
+    profile, masks, frame_, real = PROFILES[name]
+    chirps = [f"chirpCfg {slot} {slot} 0 0 0 0 0 {mask}" for slot, mask in enumerate(masks)]
+    lines = [
+        "sensorStop",
+        "flushCfg",
+        "dfeDataOutputMode 1",
+        f"channelCfg 15 {sum(masks)} 0",
+        f"adcCfg 2 {0 if real else 1}",
+        f"adcbufCfg -1 {int(real)} 1 1 1",
+        f"profileCfg {profile}",
+        *chirps,
+        f"frameCfg {frame_}",
+        "sensorStart",
+    ]
+    path = tmp_path / "mine.cfg"
+    path.write_text("\n".join(lines) + "\n")
+    radar = Radar.load(path, board=name, **POSE)
+    check_found(radar, 3.0, 12.0, 0.0 if name == "awr1642boost" else -2.0, 1.1)
+
+
+def test_a_ball_is_found_through_infineon_s_configuration(tmp_path):
+    shape = {
+        "start_frequency_Hz": 59e9,
+        "end_frequency_Hz": 62e9,
+        "sample_rate_Hz": 2e6,
+        "num_samples_per_chirp": 128,
+        "num_chirps_per_frame": 16,
+        "chirp_repetition_time_s": 4e-4,
+        "frame_repetition_time_s": 0.05,
+        "tx_antennas": [1],
+        "rx_antennas": [1, 2, 3],
+        "mimo_mode": "off",
+    }
+    path = tmp_path / "config.json"
+    path.write_text(json.dumps({"device_config": {"fmcw_single_shape": shape}}))
+    check_found(Radar.load(path, **POSE), 1.4, 20.0, -15.0, 1.3)
 
 
 @pytest.mark.parametrize(("name", "sign"), [("iwr6843isk_ods", [1, -1, -1, 1]), ("iwr6843aop", [1, -1, 1, -1])])
