@@ -30,8 +30,8 @@ _LARGEST = 16 << 20
 
 def radar_table(
     radar: str | os.PathLike[str], preset: str | None = None, board: str | os.PathLike[str] | None = None
-) -> tuple[dict[str, Any], Path]:
-    """Checked table of a radar, and its file.
+) -> tuple[dict[str, Any], Path, bool]:
+    """Checked table of a radar, its file, and whether that is a radar file in TOML.
 
     Parameters
     ----------
@@ -52,13 +52,13 @@ def radar_table(
         if board is not None:
             raise RadarConfigError(f"board is {board!r}, but radar {str(radar)!r} is a board itself: leave it out")
         path = board_file(str(radar))
-        return read_config(path), path
+        return read_config(path), path, True
     text = _text(path)
     frames = _frames(text, path)
     if frames is None:
         if board is not None:
             raise RadarConfigError(f"board is {board!r}, but {path} describes its board itself: leave it out")
-        return read_config(path), path
+        return read_config(path), path, True
     if preset is None and len(frames.presets) > 1:
         raise RadarConfigError(
             f"{path} has {len(frames.presets)} kinds of frames: name one as preset, {', '.join(frames.presets)}"
@@ -66,7 +66,7 @@ def radar_table(
     board_path = _board_path(board, frames, path)
     table = on_board(frames, read_config(board_path), board_path, str(path))
     check_config(table, str(path))
-    return table, path
+    return table, path, False
 
 
 def _path(radar: str | os.PathLike[str]) -> Path | None:

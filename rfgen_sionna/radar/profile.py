@@ -30,7 +30,7 @@ class Profile:
     slope: float
     """[Hz/s]; negative sweeps downwards, 0 is a constant frequency (CW)."""
     sample_rate: float
-    """Complex samples per second [Hz]."""
+    """Samples per second, complex or real ones [Hz]."""
     idle_time: float
     """[s]"""
     adc_start_time: float
@@ -91,5 +91,5 @@ class Profile:
 
     @property
     def range_window(self) -> float:
-        """Range whose beat frequency equals the complex sample rate [m]; infinite without a slope."""
+        """Range whose beat frequency equals the sample rate [m]; infinite without a slope."""
         return self.sample_rate * SPEED_OF_LIGHT / (2 * abs(self.slope)) if self.slope else float("inf")

@@ -12,6 +12,7 @@ import numpy as np
 from rfgen_sionna._short_repr import ShortRepr, short_vector
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.adc import Adc
+from rfgen_sionna.radar.board_frames import element_numbers
 from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
 from rfgen_sionna.radar.config_file import radar_table
 from rfgen_sionna.radar.pattern import Pattern, pattern_record
@@ -20,6 +21,7 @@ from rfgen_sionna.radar.radar_checks import checked_band, checked_elements, chec
 from rfgen_sionna.radar.radar_fields import radar_fields
 from rfgen_sionna.radar.radar_record import fields_from_record, waveform_record
 from rfgen_sionna.radar.slots import phasors, slot_label
+from rfgen_sionna.radar.ti_cfg_text import cfg_text
 from rfgen_sionna.radar.waveform import Waveform
 from rfgen_sionna.resources import available, resolve
 
@@ -145,11 +147,11 @@ class Radar(ShortRepr):
         TypeError
             `overrides` is no mapping.
         """
-        config, path = radar_table(radar, preset, board)
+        config, path, own = radar_table(radar, preset, board)
         if overrides is not None:
             config = overridden(config, overrides, str(path))
         try:
-            made = cls(**radar_fields(config, preset, str(path)))
+            made = cls(**radar_fields(config, preset, str(path), own))
         except RadarConfigError:
             raise
         except ValueError as error:
@@ -353,6 +355,20 @@ class Radar(ShortRepr):
                 "Trajectory(times, positions, orientations) can be stored"
             )
         return record | {"trajectory": self.trajectory.to_dict()}
+
+    def to_cfg(self) -> str:
+        """The frame as a `.cfg` of TI's mmWave SDK 3, or MCU+ SDK (real samples, four Tx, DDM); not the pose.
+
+        Values are written as they are; where the device has steps, a comment states what it makes of them. Read back
+        (:meth:`load`, with the board), the text gives the same waveform.
+
+        Raises
+        ------
+        RadarConfigError
+            A device of TI has no such frame; the message names field, value and limit.
+        """
+        numbers = (tuple(element_numbers(names, end)) for names, end in ((self.tx_names, "TX"), (self.rx_names, "RX")))
+        return cfg_text(self.name, self.preset, self.waveform, *numbers, real=self.adc.real, bits=self.adc.bits)
 
     @classmethod
     def from_dict(cls, record: dict[str, Any]) -> Radar:

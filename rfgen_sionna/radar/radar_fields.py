@@ -22,8 +22,10 @@ _LEAST_PITCH, _LARGEST_ARRAY = 0.05, 250.0
 """Allowed distances between elements of one end [wavelengths]: a wrong unit prefix falls outside."""
 
 
-def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict[str, Any]:
+def radar_fields(config: dict[str, Any], preset: str | None, where: str, prefixes: bool = True) -> dict[str, Any]:
     """Arguments of :class:`~rfgen_sionna.radar.radar.Radar` from a checked file, its pose left out.
+
+    `prefixes` is whether values off by a unit prefix are sought; vendors' files have units of their own.
 
     Raises
     ------
@@ -34,7 +36,9 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str) -> dict
     if not isinstance(preset, str) or preset not in config["preset"]:
         raise RadarConfigError(f"{where}: preset is {preset!r}; presets: {', '.join(sorted(config['preset']))}")
     array, chirp = config["array"], config["preset"][preset]
-    waveform, fired = preset_waveform(chirp, config["transmitter"], array["tx_names"], f"{where}: preset.{preset}")
+    waveform, fired = preset_waveform(
+        chirp, config["transmitter"], array["tx_names"], f"{where}: preset.{preset}", prefixes
+    )
     tx_positions, rx_positions = (
         _positions(array, element, config["transmitter"]["frequency_range_hz"][0], where) for element in ("tx", "rx")
     )
@@ -142,9 +146,9 @@ _LEAST_SHARE = {"ADC window of the ramp": 0.01, "sampled bandwidth of the start 
 
 
 def preset_waveform(
-    preset: Mapping[str, Any], transmitter: Mapping[str, Any], names: Sequence[str], where: str
+    preset: Mapping[str, Any], transmitter: Mapping[str, Any], names: Sequence[str], where: str, prefixes: bool = True
 ) -> tuple[Waveform, list[str]]:
-    """Waveform of a preset, and names of its Tx elements in the order of `names`.
+    """Waveform of a preset, and names of its Tx elements in the order of `names`; `prefixes` as for the radar.
 
     Raises
     ------
@@ -152,10 +156,10 @@ def preset_waveform(
         The preset exceeds the device; the message names key, value and allowed values.
     """
     chirps = list(preset.get("profile", ())) or [preset]
-    for index, chirp in enumerate(chirps):
+    for index, chirp in enumerate(chirps if prefixes else ()):
         _check_chirp(chirp, preset["num_samples"], f"{where}.profile[{index}]" if chirp is not preset else where)
     for key, (low, high) in (("frame_period_s", _FRAME_PERIOD), ("max_range_m", _RANGE_LIMIT)):
-        if key in preset:
+        if prefixes and key in preset:
             check_plausible(where, key, preset[key], low, high)
     profiles = [Profile(*(float(chirp[key]) for key in CHIRP)) for chirp in chirps]
     fired = _fired(preset, names, where)

@@ -29,7 +29,7 @@ from rfgen_sionna.radar.ti_chirps import (
 
 _MOST_TX = 4
 """Tx of one device: 3, or 4 of the AWR2944."""
-_DDM_BANDS = {2: 3, 3: 4, 4: 6}
+DDM_BANDS = {2: 3, 3: 4, 4: 6}
 """Doppler bands by the number of Tx in the MCU+ SDK's DDM demonstration."""
 _ADC_BITS = {0: 12, 1: 14, 2: 16}
 
@@ -261,7 +261,7 @@ class _CfgReader:
             return preset
         order = [int(argument) + 1 for argument in orders[-1].arguments]
         fired = [tx for tx in order if tx in chirps[0].phases]
-        bands = _DDM_BANDS.get(len(fired), 0)
+        bands = DDM_BANDS.get(len(fired), 0)
         if len(preset["slot"]) != 1 or set(fired) != set(chirps[0].phases) or not bands or len(chirps) % bands:
             raise ValueError(
                 f"{orders[-1]} with {len(chirps)} chirps a loop; DDM needs the same 2 to 4 Tx of this order in all "

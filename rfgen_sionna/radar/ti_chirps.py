@@ -158,7 +158,7 @@ def _slot(chirp: TiChirp, profile: int) -> dict[str, Any]:
     return slot
 
 
-def chirps_of(wave: Waveform, numbers: Sequence[int]) -> tuple[list[TiChirp], int]:
+def chirps_of(wave: Waveform, numbers: Sequence[int], most_profiles: int = MOST_PROFILES) -> tuple[list[TiChirp], int]:
     """Chirps of a loop, and the number of loops; `numbers` are the numbers of the Tx, from 1.
 
     Raises
@@ -171,8 +171,8 @@ def chirps_of(wave: Waveform, numbers: Sequence[int]) -> tuple[list[TiChirp], in
             "the frame sets slot_starts or loop_time, or was demultiplexed; on the board chirps follow each other: "
             "write the cube as sampled"
         )
-    if len(wave.profiles) > MOST_PROFILES:
-        raise RadarConfigError(f"the frame has {len(wave.profiles)} profiles; the device has {MOST_PROFILES}")
+    if len(wave.profiles) > most_profiles:
+        raise RadarConfigError(f"the frame has {len(wave.profiles)} profiles; the device has {most_profiles}")
     if not wave.slots:
         return [TiChirp(0, {numbers[tx]: 0.0}) for tx in wave.tx_order], wave.num_loops
     tables = [np.mod(slot.phases(wave.num_loops, wave.phase_step_deg), 360.0) for slot in wave.slots]

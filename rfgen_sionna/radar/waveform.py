@@ -36,7 +36,7 @@ class Waveform:
     slope: float
     """[Hz/s]; negative sweeps downwards, 0 is a constant frequency (CW)."""
     sample_rate: float
-    """Complex samples per second [Hz]."""
+    """Samples per second, complex or real ones [Hz]."""
     num_samples: int
     """Samples per chirp, the same for all profiles."""
     idle_time: float
@@ -55,7 +55,7 @@ class Waveform:
     phase_step_deg: float = 0.0
     """Step of the phase shifters, to which phases are rounded [degrees]; 0 rounds none."""
     range_limit: float | None = None
-    """Largest range [m] below `range_window`; None takes the window. Required without a slope."""
+    """Largest range [m] below the range window; None takes the window. Required without a slope."""
     slot_starts: tuple[float, ...] | None = None
     """Start of each slot's ramp after the loop's first ramp [s]; None puts one chirp right after the other."""
     loop_time: float | None = None
@@ -267,7 +267,8 @@ class Waveform:
 
     @property
     def range_window(self) -> float:
-        """Largest range of all profiles whose beat frequency is below the complex sample rate [m]."""
+        """Largest range of all profiles whose beat frequency is below the sample rate [m]; a radar with a real ADC has
+        half of it."""
         windows = [profile.range_window for profile in self.profiles if profile.slope]
         return max(windows, default=float("inf"))
 

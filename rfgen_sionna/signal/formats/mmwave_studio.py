@@ -1,31 +1,23 @@
 """Configuration files of mmWave Studio: `<name>.mmwave.json` and `<name>.setup.json`.
 
-Field names, units and checked values follow TI's MATLAB readers (`rawDataReader` of mmWave Studio, `JsonParser` of the
-cascade examples) and the mmWaveLink interface. Receive gain, back-off, filters and lanes, which this package does not
-simulate, have mmWave Studio's defaults.
+Fields are those of :mod:`rfgen_sionna.radar.studio_json`. Receive gain, filters and the clock of the lanes, which this
+package does not simulate, have mmWave Studio's defaults in files that it writes.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.radar.board_frames import FRAME, BoardFrames, enabled_rx, named_tx
+from rfgen_sionna.radar.radar_fields import preset_waveform
+from rfgen_sionna.radar.studio_json import read_studio_config
 from rfgen_sionna.signal.formats.capture import CaptureFormatError
 from rfgen_sionna.signal.formats.files import read_json
-from rfgen_sionna.signal.formats.frames import channel_numbers
-from rfgen_sionna.signal.formats.mmwave_studio_chirps import (
-    RX_PER_DEVICE,
-    TX_PER_DEVICE,
-    number,
-    read_chirps,
-    read_profiles,
-    slots_of,
-)
 from rfgen_sionna.signal.formats.sidecar import Description, periodic_times
-
-_FRAME_WAVEFORMS = ("legacyFrameChirp", "singleFrameChirp")
 
 
 def setup_config(radar: Radar, data: Path, config: Path) -> dict[str, Any]:
@@ -51,94 +43,90 @@ def setup_config(radar: Radar, data: Path, config: Path) -> dict[str, Any]:
     }
 
 
-def radar_from_studio(path: Path, hardware: Radar) -> Radar:
-    """`hardware` with the waveform and the Tx elements of a `.mmwave.json`.
+def radar_from_studio(
+    path: str | os.PathLike[str], hardware: Radar | str | os.PathLike[str], preset: str | None = None
+) -> Radar:
+    """Radar of a `.mmwave.json`: `hardware` with its waveform, Tx elements, receivers and kind of samples.
+
+    Parameters
+    ----------
+    path
+        The `.mmwave.json`.
+    hardware
+        A radar, or the name or file of a board, as in :meth:`Radar.load`.
+    preset
+        "subframe0", "subframe1" … of advanced frames.
 
     Raises
     ------
     CaptureFormatError
         Naming the field that is missing or not supported.
     """
-    return read_studio(path, hardware).radar
+    if not isinstance(hardware, Radar):
+        try:
+            return Radar.load(path, preset, board=hardware)
+        except ValueError as error:
+            raise CaptureFormatError(str(error)) from error
+    return _read(Path(path), hardware, None, preset).radar
 
 
-def read_studio(path: Path, hardware: Radar, devices: int = 1) -> Description:
-    """Read a `.mmwave.json`; `hardware` gives positions, pattern, power and noise."""
+def read_studio(path: str | os.PathLike[str], hardware: Radar, devices: int = 1) -> Description:
+    """Read a `.mmwave.json`; `hardware` gives positions, pattern, power and noise.
+
+    Raises
+    ------
+    CaptureFormatError
+        Naming the field that is missing or not supported.
+    """
+    return _read(Path(path), hardware, devices, None)
+
+
+def _read(path: Path, hardware: Radar, devices: int | None, preset: str | None) -> Description:
     config = read_json(path)
     try:
-        return _parse(config, hardware, devices)
+        studio = read_studio_config(config)
+        if devices is not None and studio.frames.devices != devices:
+            raise ValueError(f"mmWaveDevices has {studio.frames.devices} entries; {devices} needed")
+        radar = _with_frames(hardware, studio.frames, preset)
     except KeyError as error:
         raise CaptureFormatError(f"'{path}' lacks {error}") from error
     except (TypeError, ValueError, IndexError) as error:
         raise CaptureFormatError(f"'{path}': {error}") from error
-
-
-def _parse(config: dict[str, Any], hardware: Radar, devices: int) -> Description:
-    records = config["mmWaveDevices"]
-    if len(records) != devices:
-        raise ValueError(f"mmWaveDevices has {len(records)} entries; {devices} needed")
-    records = sorted(records, key=lambda record: int(record["mmWaveDeviceId"]))
-    rf, raw = records[0]["rfConfig"], records[0]["rawDataCaptureConfig"]
-    if rf["waveformType"] not in _FRAME_WAVEFORMS:
-        raise ValueError(f"waveformType is '{rf['waveformType']}'; supported: {', '.join(_FRAME_WAVEFORMS)}")
-    output = rf["rlAdcOutCfg_t"]["fmt"]
-    if output["b2AdcBits"] != 2 or output["b2AdcOutFmt"] not in (1, 2):
-        raise ValueError(
-            f"b2AdcBits is {output['b2AdcBits']!r} and b2AdcOutFmt {output['b2AdcOutFmt']!r}; "
-            "16 bits (2) and complex samples (1 or 2) are supported"
-        )
-    interleave = raw["rlDevDataFmtCfg_t"]["chInterleave"]
-    if interleave != (1 if devices == 1 else 0):
-        raise ValueError(f"chInterleave is {interleave!r}; {1 if devices == 1 else 0} is the layout of this format")
-    if devices == 1 and "rlDevLaneEnable_t" in raw and number(raw["rlDevLaneEnable_t"]["laneEn"]) != 3:
-        raise ValueError(f"laneEn is {raw['rlDevLaneEnable_t']['laneEn']!r}; two lanes (0x3) are supported")
-    frame = rf["rlFrameCfg_t"]
-    chirps = read_chirps(records, int(frame["chirpStartIdx"]), int(frame["chirpEndIdx"]))
-    fired = {tx for chirp in chirps for tx in chirp.phases}
-
-    label = "one device" if devices == 1 else f"a cascade of {devices} devices"
-    numbers = channel_numbers(hardware.tx_names, "TX", TX_PER_DEVICE * devices, label)
-    if absent := fired - set(numbers):
-        raise ValueError(f"TX{min(absent)} fires; radar '{hardware.name}' has {', '.join(hardware.tx_names)}")
-    kept = [index for index, tx in enumerate(numbers) if tx in fired]
-    enabled = {
-        RX_PER_DEVICE * place + bit + 1
-        for place, record in enumerate(records)
-        for bit in range(RX_PER_DEVICE)
-        if number(record["rfConfig"]["rlChanCfg_t"]["rxChannelEn"]) >> bit & 1
-    }
-    receivers = channel_numbers(hardware.rx_names, "RX", RX_PER_DEVICE * devices, label)
-    if absent := enabled - set(receivers):
-        raise ValueError(f"RX{min(absent)} is enabled; radar '{hardware.name}' has {', '.join(hardware.rx_names)}")
-    heard = [index for index, rx in enumerate(receivers) if rx in enabled]
-    profiles, samples = read_profiles(rf["rlProfiles"])
-    used = sorted({chirp.profile for chirp in chirps})
-    if used[-1] >= len(profiles):
-        raise ValueError(f"rlChirps use profile {used[-1]}; rlProfiles has {len(profiles)}")
-    chirps = [replace(chirp, profile=used.index(chirp.profile)) for chirp in chirps]
-    order, slots = slots_of(chirps, [numbers[index] for index in kept])
-    waveform = replace(
-        hardware.waveform,
-        **asdict(profiles[used[0]]),
-        num_samples=samples,
-        num_loops=int(frame["numLoops"]),
-        tx_order=order,
-        slots=slots,
-        other_profiles=tuple(profiles[index] for index in used[1:]),
-        slot_starts=None,
-        loop_time=None,
-        separated=False,
-        range_limit=None if any(profiles[index].slope for index in used) else hardware.max_range,
-        frame_period=float(frame["framePeriodicity_msec"]) * 1e-3,
+    times = periodic_times(studio.num_frames, radar) if studio.num_frames else None
+    return Description(
+        radar, frame_times=times, iq_swap=studio.iq_swap, lanes=studio.lanes, interleaved=studio.interleaved
     )
-    radar = replace(
+
+
+def _with_frames(hardware: Radar, frames: BoardFrames, preset: str | None) -> Radar:
+    """`hardware` with one preset of `frames`."""
+    if preset is None and len(frames.presets) > 1:
+        raise ValueError(
+            f"waveformType is 'advancedFrameChirp' with {', '.join(frames.presets)}; a frame of one kind is supported"
+        )
+    chosen = next(iter(frames.presets)) if preset is None else preset
+    if chosen not in frames.presets:
+        raise ValueError(f"preset is {preset!r}; presets: {', '.join(frames.presets)}")
+    if hardware.adc.real and not frames.real:
+        raise ValueError(f"b2AdcOutFmt is that of complex samples; radar '{hardware.name}' has real ones")
+    values = named_tx(frames.presets[chosen], hardware.tx_names, hardware.name)
+    if not any(chirp["slope_hz_per_s"] for chirp in values.get("profile", (values,))):
+        values["max_range_m"] = hardware.max_range
+    transmitter = {"phase_step_deg": hardware.waveform.phase_step_deg}
+    waveform, fired = preset_waveform(values, transmitter, hardware.tx_names, chosen, prefixes=False)
+    kept = [hardware.tx_names.index(name) for name in fired]
+    heard = enabled_rx(frames.receivers, hardware.rx_names, hardware.name)
+    tx_phases, rx_phases = hardware.tx_phases_deg, hardware.rx_phases_deg
+    return replace(
         hardware,
+        preset=hardware.preset if chosen == FRAME else chosen,
         waveform=waveform,
-        tx_names=tuple(hardware.tx_names[index] for index in kept),
+        tx_names=tuple(fired),
         tx_positions=hardware.tx_positions[kept],
+        tx_phases_deg=tuple(tx_phases[index] for index in kept) if tx_phases else (),
         rx_names=tuple(hardware.rx_names[index] for index in heard),
         rx_positions=hardware.rx_positions[heard],
+        rx_phases_deg=tuple(rx_phases[index] for index in heard) if rx_phases else (),
+        tx_power_dbm=hardware.tx_power_dbm - frames.backoff_db,
+        adc=replace(hardware.adc, real=frames.real),
     )
-    frames = int(frame["numFrames"])  # 0 runs until the radar is stopped
-    times = periodic_times(frames, radar) if frames else None
-    return Description(radar, frame_times=times, iq_swap=bool(raw["rlDevDataFmtCfg_t"]["iqSwapSel"]))

@@ -6,28 +6,37 @@ from collections.abc import Sequence
 from typing import Any
 
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.radar.config import RadarConfigError
+from rfgen_sionna.radar.studio_json import MOST_TX
+from rfgen_sionna.radar.ti_chirps import TiChirp, chirps_of
+from rfgen_sionna.signal.formats.capture import CaptureFormatError
 from rfgen_sionna.signal.formats.frames import channel_numbers
-from rfgen_sionna.signal.formats.mmwave_studio_chirps import (
-    RX_PER_DEVICE,
-    TX_PER_DEVICE,
-    StudioChirp,
-    chirp_tables,
-    chirps_of,
-)
+from rfgen_sionna.signal.formats.mmwave_studio_chirps import RX_PER_DEVICE, TX_PER_DEVICE, chirp_tables
 
 
-def studio_config(radar: Radar, frames: int, devices: int = 1) -> dict[str, Any]:
-    """Content of `.mmwave.json` for `frames` frames of `radar` on one device or on four in cascade; no time of
-    creation."""
+def studio_config(radar: Radar, frames: int, devices: int = 1, lanes: int = 2) -> dict[str, Any]:
+    """Content of `.mmwave.json` for `frames` frames of `radar` on one device, through 2 or 4 LVDS lanes, or on four in
+    cascade; no time of creation.
+
+    Raises
+    ------
+    CaptureFormatError
+        The devices have no such elements or chirps.
+    """
     label = "one device" if devices == 1 else f"a cascade of {devices} devices"
-    tx = channel_numbers(radar.tx_names, "TX", TX_PER_DEVICE * devices, label)
+    tx = channel_numbers(radar.tx_names, "TX", MOST_TX if devices == 1 else TX_PER_DEVICE * devices, label)
     rx = channel_numbers(radar.rx_names, "RX", RX_PER_DEVICE * devices, label)
-    chirps, loops = chirps_of(radar.waveform, tx)
+    try:
+        chirps, loops = chirps_of(radar.waveform, tx)
+    except RadarConfigError as error:
+        raise CaptureFormatError(str(error)) from error
     return {
         "configGenerator": {"createdBy": "rfgen_sionna", "isConfigIntermediate": 0},
         "currentVersion": {"jsonCfgVersion": {"major": 0, "minor": 4, "patch": 0}},
         "systemConfig": {"summary": f"{radar.name}, preset {radar.preset}"},
-        "mmWaveDevices": [_device(radar, frames, place, devices, (chirps, loops), tx, rx) for place in range(devices)],
+        "mmWaveDevices": [
+            _device(radar, frames, place, devices, lanes, (chirps, loops), tx, rx) for place in range(devices)
+        ],
         "processingChainConfig": {},
     }
 
@@ -37,7 +46,8 @@ def _device(
     frames: int,
     place: int,
     devices: int,
-    frame: tuple[Sequence[StudioChirp], int],
+    lanes: int,
+    frame: tuple[Sequence[TiChirp], int],
     transmitters: Sequence[int],
     receivers: Sequence[int],
 ) -> dict[str, Any]:
@@ -45,6 +55,7 @@ def _device(
     chirps, loops = frame
     cascade = devices > 1
     first_tx, first_rx = TX_PER_DEVICE * place + 1, RX_PER_DEVICE * place + 1
+    most_tx = TX_PER_DEVICE if cascade else MOST_TX
     return {
         "mmWaveDeviceId": place,
         "rfConfig": {
@@ -53,11 +64,13 @@ def _device(
             "rlCalibrationDataFile": "",
             "rlChanCfg_t": {
                 "rxChannelEn": f"0x{_bits([rx - first_rx for rx in receivers], RX_PER_DEVICE):X}",
-                "txChannelEn": f"0x{_bits([tx - first_tx for tx in transmitters], TX_PER_DEVICE):X}",
+                "txChannelEn": f"0x{_bits([tx - first_tx for tx in transmitters], most_tx):X}",
                 "cascading": 0 if not cascade else 1 if place == 0 else 2,
                 "cascadingPinoutCfg": "0x0",
             },
-            "rlAdcOutCfg_t": {"fmt": {"b2AdcBits": 2, "b8FullScaleReducFctr": 0, "b2AdcOutFmt": 1}},
+            "rlAdcOutCfg_t": {
+                "fmt": {"b2AdcBits": 2, "b8FullScaleReducFctr": 0, "b2AdcOutFmt": 0 if radar.adc.real else 1}
+            },
             "rlLowPowerModeCfg_t": {"lpAdcMode": 0},
             "rlProfiles": [
                 {
@@ -82,7 +95,7 @@ def _device(
                 }
                 for index, profile in enumerate(wave.profiles)
             ],
-            **chirp_tables(chirps, place),
+            **chirp_tables(chirps, first_tx, most_tx),
             "rlFrameCfg_t": {
                 "chirpStartIdx": 0,
                 "chirpEndIdx": len(chirps) - 1,
@@ -94,8 +107,8 @@ def _device(
             },
         },
         "rawDataCaptureConfig": {
-            # Interleave 1 is one receiver after the other (LVDS, two lanes); 0 is all receivers of a sample (CSI-2).
-            "rlDevDataFmtCfg_t": {"iqSwapSel": 0, "chInterleave": 0 if cascade else 1},
+            # Interleave 1 is one receiver after the other (two lanes), 0 all receivers of a sample (four, CSI-2).
+            "rlDevDataFmtCfg_t": {"iqSwapSel": 0, "chInterleave": 0 if cascade or lanes == 4 else 1},
             "rlDevDataPathCfg_t": {
                 "intfSel": 0 if cascade else 1,
                 "transferFmtPkt0": "0x1",
@@ -111,7 +124,7 @@ def _device(
             {"rlDevCsi2Cfg_t": {"lanePosPolSel": "0x35421", "lineStartEndDis": 0}}
             if cascade
             else {
-                "rlDevLaneEnable_t": {"laneEn": "0x3"},
+                "rlDevLaneEnable_t": {"laneEn": "0xF" if lanes == 4 else "0x3"},
                 "rlDevLvdsLaneCfg_t": {"laneFmtMap": 0, "laneParamCfg": "0x1"},
             }
         ),

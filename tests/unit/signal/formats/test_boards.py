@@ -25,7 +25,7 @@ from tests.unit.signal.formats.captures import awr1843, cascade, lsb_cube, posit
 
 def as_from_a_board(cube: AdcCube, folder: Path, capture_format: str) -> None:
     write_capture(cube, folder, capture_format, scale=1.0)
-    for sidecar in folder.glob("*.rfgen.json"):
+    for sidecar in folder.glob("*.rfgen"):
         sidecar.unlink()
 
 
@@ -92,7 +92,7 @@ def test_position2go_files_of_one_frame_each_are_a_sequence(tmp_path: Path) -> N
     for frame in range(3):
         one = replace(cube, data=cube.data[frame : frame + 1], frame_times=cube.frame_times[frame : frame + 1])
         write_capture(one, tmp_path / f"run_{frame}.raw", "position2go", scale=1.0)
-    for sidecar in tmp_path.glob("*.rfgen.json"):
+    for sidecar in tmp_path.glob("*.rfgen"):
         sidecar.unlink()
     capture = open_capture(tmp_path, radar=cube.radar)
     assert len(capture.paths) == len(capture) == 3
@@ -136,18 +136,19 @@ def test_i_and_q_swapped(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "value", "message"),
     [
-        ([*RF, "waveformType"], "advancedFrameChirp", "waveformType is 'advancedFrameChirp'; supported"),
-        ([*RF, "rlAdcOutCfg_t", "fmt", "b2AdcOutFmt"], 0, "complex samples"),
+        ([*RF, "waveformType"], "continuousWave", "waveformType is 'continuousWave'; supported"),
+        ([*RF, "waveformType"], "advancedFrameChirp", "lacks 'rlAdvFrameCfg_t'"),
+        ([*RF, "rlAdcOutCfg_t", "fmt", "b2AdcOutFmt"], 3, "b2AdcOutFmt 3; 16 bits (2) and real (0) or complex"),
         ([*RF, "rlAdcOutCfg_t", "fmt", "b2AdcBits"], 1, "16 bits"),
         ([*RF, "rlProfiles"], [], "rlProfiles has 0 profiles"),
-        ([*RF, "rlChirps", 1, "rlChirpCfg_t", "profileId"], 3, "rlChirps use profile 3; rlProfiles has 1"),
+        ([*RF, "rlChirps", 1, "rlChirpCfg_t", "profileId"], 3, "rlChirps use profile 3; rlProfiles has [0]"),
         ([*RF, "rlChirps", 1, "rlChirpCfg_t", "txEnable"], "0x0", "chirp 1 fires no Tx"),
         ([*RF, "rlChanCfg_t"], None, "lacks 'rlChanCfg_t'"),
-        ([*RAW, "rlDevDataFmtCfg_t", "chInterleave"], 0, "chInterleave is 0; 1"),
-        ([*RAW, "rlDevLaneEnable_t", "laneEn"], "0xF", "laneEn is '0xF'; two lanes"),
+        ([*RAW, "rlDevDataFmtCfg_t", "chInterleave"], 2, "chInterleave is 2; 0 or 1"),
+        ([*RAW, "rlDevLaneEnable_t", "laneEn"], "0x7", "laneEn is '0x7'; two lanes (0x3) or four (0xF)"),
         ([*PROFILE, "numAdcSamples"], "many", "many"),
         ([*PROFILE, "rampEndTime_usec"], 1.0, "ADC window ends"),
-        (["mmWaveDevices"], [], "mmWaveDevices has 0 entries; 1 needed"),
+        (["mmWaveDevices"], [], "mmWaveDevices has 0 entries; 1 or 4"),
     ],
 )
 def test_what_cannot_be_followed_is_named(tmp_path: Path, keys: list[Any], value: Any, message: str) -> None:
