@@ -13,13 +13,10 @@ from typing import Any
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import AdcCube
-from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport, CaptureWarning
-from rfgen_sionna.signal.formats.files import read_json
+from rfgen_sionna.signal.formats.capture import Capture, CaptureReport, CaptureWarning
 from rfgen_sionna.signal.formats.frames import Scale, WriteRequest
-from rfgen_sionna.signal.formats.sidecar import SUFFIX
-
-FORMATS = ("dca1000", "cascade", "position2go", "rfgenesis", "matlab")
-_SUFFIXES = {".bin": "dca1000", ".raw": "position2go", ".npy": "rfgenesis", ".mat": "matlab"}
+from rfgen_sionna.signal.formats.recognition import DATA_SUFFIXES, FORMATS, recognise
+from rfgen_sionna.signal.formats.sidecar import FORMER_SUFFIX, SUFFIX, is_sidecar
 
 
 def write_capture(
@@ -50,7 +47,8 @@ def write_capture(
     overwrite
         Whether existing files are replaced.
     options
-        `max_file_size` of "cascade" [bytes], `version` of "matlab" ("auto", "5", "7.3").
+        `max_file_size` of "cascade" [bytes], `version` of "matlab" ("auto", "5", "7.3"), `lanes` of "dca1000" (2, 4;
+        by default those of the board).
 
     Raises
     ------
@@ -63,57 +61,73 @@ def write_capture(
     """
     module = _module(format)
     report: CaptureReport = module.write(WriteRequest(cube, Path(path), scale, full_scale_dbm, overwrite), **options)
+    for written in report.paths:
+        if written.name.endswith(SUFFIX):  # one of the former name would contradict it
+            written.with_name(written.name.removesuffix(SUFFIX) + FORMER_SUFFIX).unlink(missing_ok=True)
     return report
 
 
 def open_capture(
-    path: str | os.PathLike[str], format: str | None = None, radar: Radar | None = None, *, partial: bool = False
+    path: str | os.PathLike[str],
+    format: str | None = None,
+    radar: Radar | str | os.PathLike[str] | None = None,
+    *,
+    partial: bool = False,
+    **options: Any,
 ) -> Capture:
     """Open a simulated or measured capture; frames stay on the disk.
 
     Parameters
     ----------
     path
-        Data file, its `.rfgen.json`, or the folder of the files.
+        A data file, a configuration file of the capture, its sidecar, or the folder of the files.
     format
-        One of `FORMATS`; None derives it from the names of the files.
+        One of `FORMATS`; None derives it from the names and the content of the files.
     radar
-        Hardware of a capture without `.rfgen.json`. A `.mmwave.json` or `.xml` beside the data then gives the waveform
-        and the elements in use.
+        Hardware of a capture without a sidecar: a radar, or what :meth:`~rfgen_sionna.radar.Radar.load` takes (the name
+        of a board, the path of a radar file or of a board's configuration). A configuration beside the data then gives
+        the waveform and the elements in use.
     partial
         Whether the whole frames of a truncated or inconsistent capture are read, with a :class:`CaptureWarning`.
         Truncated MATLAB files are always refused. Of a cascade without one device, the others are read
         (:func:`rfgen_sionna.signal.formats.cascade.read`).
+    options
+        `lanes` of "dca1000", 2 or 4: LVDS lanes, where neither a JSON nor the board's name gives them.
 
     Raises
     ------
     CaptureFormatError
-        The capture is truncated, contradicts itself or its radar; the message names bytes or fields.
+        The capture is truncated, contradicts itself or its radar, or the folder holds several; the message names bytes,
+        fields or files.
     FileNotFoundError
         A file is missing.
     """
     target = Path(path)
-    if target.name.endswith(SUFFIX):
-        format = format or str(read_json(target).get("capture_format"))
-        target = _data_of(target, format)
-    capture: Capture = _module(format or _guess(target)).read(target, radar, partial=partial)
+    known = radar if radar is None or isinstance(radar, Radar) else Radar.load(radar)
+    if format is None or is_sidecar(target):
+        target, format = recognise(target)
+    capture: Capture = _module(format).read(target, known, partial=partial, **options)
+    _name_unused(capture)
     return capture
 
 
 def read_capture(
     path: str | os.PathLike[str],
     format: str | None = None,
-    radar: Radar | None = None,
+    radar: Radar | str | os.PathLike[str] | None = None,
     *,
     scale: float | None = None,
     partial: bool = False,
+    skip_lost: bool = False,
+    **options: Any,
 ) -> AdcCube:
     """All samples of a capture [sqrt(W)]. Parameters and errors are those of :func:`open_capture`.
 
     `scale` [sqrt(W)/LSB] replaces the declared one. Without either, as in the files of a real board, samples are in
-    LSB, with a :class:`CaptureWarning`.
+    LSB, with a :class:`CaptureWarning`. Lost samples are zero, with a :class:`CaptureWarning`; `skip_lost` leaves their
+    frames out.
     """
-    capture = open_capture(path, format, radar, partial=partial)
+    capture = open_capture(path, format, radar, partial=partial, **options)
     if scale is not None:
         if not is_number(scale) or not 1e-30 <= scale <= 1e30:
             raise ValueError(f"scale is {scale!r}: a number in 1e-30 … 1e30 sqrt(W)/LSB is needed")
@@ -124,7 +138,7 @@ def read_capture(
             CaptureWarning,
             stacklevel=2,
         )
-    return capture.cube()
+    return capture.cube(skip_lost=skip_lost)
 
 
 def _module(format: str) -> ModuleType:
@@ -133,30 +147,26 @@ def _module(format: str) -> ModuleType:
     return import_module(f"rfgen_sionna.signal.formats.{format}")
 
 
-def _guess(path: Path) -> str:
-    from rfgen_sionna.signal.formats.cascade import DATA_NAME
-
-    if path.is_dir():
-        if any(DATA_NAME.fullmatch(entry.name) for entry in path.iterdir()):
-            return "cascade"
-        found = {_SUFFIXES[entry.suffix] for entry in path.iterdir() if entry.suffix in _SUFFIXES}
-        if len(found) == 1:
-            return found.pop()
-        raise CaptureFormatError(
-            f"'{path}' holds {'files of ' + ', '.join(sorted(found)) if found else 'no capture'}: "
-            f"name the file, or a format of {', '.join(FORMATS)}"
+def _name_unused(capture: Capture) -> None:
+    """Warn of configuration files beside the data that were not read and belong to no other data there."""
+    folder = capture.paths[0].parent
+    entries = [entry for entry in sorted(folder.iterdir()) if entry.is_file()]
+    others = {entry.stem for entry in entries if entry.suffix.lower() in DATA_SUFFIXES} - {
+        file.stem for file in capture.paths
+    }
+    unused = [
+        entry.name
+        for entry in entries
+        if entry.suffix.lower() in (".json", ".cfg")
+        and entry not in capture.configs
+        and not is_sidecar(entry)
+        and entry.name.split(".")[0].removesuffix("_config") not in others
+    ]
+    if unused:
+        used = ", ".join(file.name for file in capture.configs if file.is_file()) or "the argument radar"
+        warnings.warn(
+            f"'{folder}': {', '.join(unused)} {'is' if len(unused) == 1 else 'are'} not used; the radar is that of "
+            f"{used}",
+            CaptureWarning,
+            stacklevel=3,
         )
-    if DATA_NAME.fullmatch(path.name):
-        return "cascade"
-    if path.suffix not in _SUFFIXES:
-        if not path.exists():
-            raise FileNotFoundError(f"capture '{path}' does not exist")
-        raise CaptureFormatError(f"'{path}' has a suffix of no format: name one of {', '.join(FORMATS)}")
-    return _SUFFIXES[path.suffix]
-
-
-def _data_of(sidecar: Path, format: str) -> Path:
-    if format == "cascade":
-        return sidecar.parent
-    suffix = next((suffix for suffix, name in _SUFFIXES.items() if name == format), "")
-    return sidecar.with_name(sidecar.name.removesuffix(SUFFIX) + suffix)

@@ -76,7 +76,8 @@ class Capture(ShortRepr):
     _read: Callable[[int], NDArray[Any]]
     configs: tuple[Path, ...] = ()
     """Configuration files beside the data that were read."""
-    _order: Order = "none"
+    _order: Order | None = None
+    """Order of the words in the file; None for floating-point formats, which have no losses."""
 
     def _facts(self) -> Iterable[str]:
         yield self.format
@@ -108,8 +109,11 @@ class Capture(ShortRepr):
     @cached_property
     def lost(self) -> tuple[Loss, ...]:
         """Frames with lost samples, which are zero: each with its chirps and channels. Reads the whole capture once."""
-        found = (find_loss(frame, self.lsb(frame), self.radar, self._order) for frame in range(len(self)))
+        found = (self._loss(frame, self.lsb(frame)) for frame in range(len(self)))
         return tuple(loss for loss in found if loss is not None)
+
+    def _loss(self, frame: int, samples: NDArray[Any]) -> Loss | None:
+        return None if self._order is None else find_loss(frame, samples, self.radar, self._order)
 
     @property
     def complete_frames(self) -> tuple[int, ...]:
@@ -128,16 +132,19 @@ class Capture(ShortRepr):
             With `skip_lost`, if samples of every frame are lost.
         """
         chosen = range(len(self))[frames]
-        data = np.empty((len(chosen), *self.radar.frame_shape), dtype=self.radar.sample_type)
+        data = np.zeros((len(chosen), *self.radar.frame_shape), dtype=self.radar.sample_type)
         kept: list[int] = []
         lost: list[Loss] = []
         for frame in chosen:
             data[len(kept)] = samples = self.frame(frame)
-            loss = find_loss(frame, samples, self.radar, self._order)
+            loss = self._loss(frame, samples)
             if loss is not None:
                 lost.append(loss)
             if loss is None or not skip_lost:
                 kept.append(frame)
+        silent = self.scale is not None and len(lost) == len(chosen) and all(loss.share == 1.0 for loss in lost)
+        if silent:  # a simulation of nothing
+            lost, kept = [], list(chosen)
         if lost and not kept:
             raise CaptureFormatError(f"'{self.paths[0]}': {summary(lost, len(chosen))}; no frame is complete")
         if lost and not skip_lost:

@@ -40,11 +40,19 @@ from rfgen_sionna.signal.formats.cascade_files import (
 )
 from rfgen_sionna.signal.formats.consistency import check_json
 from rfgen_sionna.signal.formats.files import atomic_files, warn_or_raise, write_json
-from rfgen_sionna.signal.formats.frames import Quantizer, WriteRequest, channel_numbers, complex_lsb, element_order
+from rfgen_sionna.signal.formats.frames import (
+    Quantizer,
+    WriteRequest,
+    channel_numbers,
+    complex_only,
+    element_order,
+    to_samples,
+    with_receivers,
+)
 from rfgen_sionna.signal.formats.mmwave_studio import read_studio
 from rfgen_sionna.signal.formats.mmwave_studio_chirps import CHECKED_FIELDS, FULL_SCALE, RX_PER_DEVICE
 from rfgen_sionna.signal.formats.mmwave_studio_export import studio_config
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, find_description, periodic_times
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, find_description, periodic_times, sidecar_of
 
 NAME = "cascade"
 MAX_FILE_SIZE = 2047 << 20  # of the TDA2 host [bytes]
@@ -63,6 +71,7 @@ def write(request: WriteRequest, *, max_file_size: int = MAX_FILE_SIZE) -> Captu
         The radar does not have 16 receivers, or has more than 12 transmitters.
     """
     radar, frames = request.cube.radar, request.cube.data.shape[0]
+    complex_only(radar, NAME)
     receivers = _receivers(radar)
     loops, slots, _, samples = radar.frame_shape
     frame_size = 4 * loops * slots * samples * RX_PER_DEVICE
@@ -124,7 +133,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     folder = Path(path)
     if DATA_NAME.fullmatch(folder.name):
         folder = folder.parent
-    sidecar, configs = folder / SIDECAR, sorted(folder.glob("*.mmwave.json"))
+    sidecar, configs = sidecar_of(folder / SIDECAR), sorted(folder.glob("*.mmwave.json"))
 
     def same(found: Description) -> None:
         if len(configs) == 1:
@@ -149,7 +158,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     taken = known.radar
     if len(left) < len(DEVICES):
         kept = [n for n, rx in enumerate(receivers) if DEVICES[(rx - 1) // RX_PER_DEVICE] in left]
-        taken = replace(taken, rx_names=tuple(taken.rx_names[n] for n in kept), rx_positions=taken.rx_positions[kept])
+        taken = with_receivers(taken, kept)
         receivers = [receivers[n] for n in kept]
     places = [[held[name][number] for name in left] for number in numbers]
 
@@ -161,13 +170,14 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
         if known.iq_swap:
             stored = stored[..., ::-1]
         levels = stored.reshape(loops, slots, samples, -1, 2).swapaxes(2, 3)
-        return element_order(complex_lsb(levels), taken, receivers)
+        return element_order(to_samples(levels), taken, receivers)
 
     files = tuple(sorted({place.file for row in places for place in row}))
     times = _times([row[0] for row in places], numbers, taken) if known.frame_times is None else known.times(wanted)
     if known.frame_times is not None:
         times = times[numbers]
-    return Capture(NAME, files, taken, times, known.scale, known.seed, frame)
+    used = tuple(file for file in (*configs, sidecar) if file.is_file() and (file is sidecar or len(configs) == 1))
+    return Capture(NAME, files, taken, times, known.scale, known.seed, frame, used, "sample")
 
 
 def _configured(configs: Sequence[Path], hardware: Radar) -> Description:

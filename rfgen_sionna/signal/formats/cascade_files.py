@@ -52,7 +52,7 @@ class Frames:
         return is_entry(entry) and found == (self.width(entry), self.height, self.size)
 
     def width(self, entry: Any) -> int:
-        """Width that an entry of this shape has: the words of one sample time, in older files of this package the samples."""
+        """Width of an entry of this shape: words of a chirp and device, in older files of this package its samples."""
         return self.samples if int(entry["tag"]) == _FORMER_TAG else self.samples * WORDS_PER_SAMPLE
 
 
@@ -162,8 +162,9 @@ def _damage(path: Path, number: int, entry: Any, shape: Frames) -> str:
     if not is_entry(entry):
         return f"'{path}', frame {number}: tag 0x{entry['tag']:04x}; 0x{FRAME_TAG:04x} is needed"
     return (
-        f"'{path}', frame {number}: width {entry['width']} (samples × 4 Rx × I and Q), height {entry['height']} (chirps "
-        f"× loops), {entry['size']} bytes; the radar's frames have {shape.width(entry)}, {shape.height}, {shape.size} bytes"
+        f"'{path}', frame {number}: width {entry['width']} (samples × 4 Rx × I and Q), height {entry['height']} "
+        f"(chirps × loops), {entry['size']} bytes; the radar's frames have {shape.width(entry)}, {shape.height}, "
+        f"{shape.size} bytes"
     )
 
 

@@ -77,15 +77,28 @@ def warn_or_raise(message: str, partial: bool) -> None:
     warnings.warn(message, CaptureWarning, stacklevel=4)
 
 
-def whole_frames(path: Path, frame_size: int, expected: int | None, partial: bool, header: int = 0) -> int:
+def whole_frames(
+    path: Path,
+    frame_size: int,
+    expected: int | None,
+    partial: bool,
+    header: int = 0,
+    *,
+    size: int | None = None,
+    filled: int | None = None,
+    note: str = "",
+) -> int:
     """Number of frames of `frame_size` bytes to read from a file, after a header.
+
+    `size` [bytes] replaces that of the file, `filled` is the size with missing bytes filled in, and `note` is added to
+    a message.
 
     Raises
     ------
     CaptureFormatError
         The file ends within a frame, or does not hold the `expected` frames; with `partial` only where it holds none.
     """
-    size = path.stat().st_size
+    size = path.stat().st_size if size is None else size
     present, rest = divmod(size - header, frame_size)
     message = ""
     if expected is not None and (missing := header + expected * frame_size - size):
@@ -99,6 +112,9 @@ def whole_frames(path: Path, frame_size: int, expected: int | None, partial: boo
             f"'{path}' has {size:,} bytes and ends within frame {present}: "
             f"{rest:,} of its {frame_size:,} bytes are there, {frame_size - rest:,} are missing"
         )
+    message += note if message else ""
+    if filled is not None:
+        present = filled // frame_size
     frames = present if expected is None else min(present, expected)
     if frames == 0:
         raise CaptureFormatError(message or f"'{path}' is empty: one frame has {frame_size:,} bytes")

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.radar.board_frames import element_numbers
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import CaptureFormatError, CaptureReport
@@ -51,7 +51,7 @@ class WriteRequest:
                 raise ValueError(f"full_scale_dbm is {level!r}: this format holds floating-point numbers, leave it out")
             if not is_number(level) or not -200.0 <= level <= 200.0:
                 raise ValueError(f"full_scale_dbm is {level!r}: a value in -200 … 200 dBm is needed")
-            declared = _tone_amplitude(level) / full_scale
+            declared = self._tone_amplitude(level) / full_scale
             return declared, declared
         if scale is None:
             return 1.0, None
@@ -61,11 +61,15 @@ class WriteRequest:
             if full_scale is None:
                 return 1.0, 1.0
             level = self.cube.radar.adc.full_scale_dbm
-            found = _power_of_two(self.cube, full_scale) if level is None else _tone_amplitude(level) / full_scale
+            found = _power_of_two(self.cube, full_scale) if level is None else self._tone_amplitude(level) / full_scale
             return found, found
         if not is_number(scale) or not 1e-30 <= scale <= 1e30:
             raise ValueError(f"scale is {scale!r}: a number in 1e-30 … 1e30 sqrt(W)/LSB is needed")
         return float(scale), float(scale)
+
+    def _tone_amplitude(self, level: float) -> float:
+        """Largest I, Q or real sample [sqrt(W)] of a tone of `level` [dBm]."""
+        return float(10.0 ** ((level - 30.0) / 20.0)) * (math.sqrt(2.0) if self.cube.radar.adc.real else 1.0)
 
 
 class Quantizer:
@@ -76,21 +80,23 @@ class Quantizer:
         self.divisor, self.scale = request.resolve_scale(full_scale)
 
     def frames(self, receivers: Sequence[int]) -> Iterator[NDArray[np.int16]]:
-        """(chirp, slot, receiver, sample, 2) of each frame in LSB, I before Q, as fired and numbered."""
+        """(chirp, slot, receiver, sample, part) of each frame in LSB, as fired and numbered; the parts are I and Q, or
+        one of real samples."""
         for frame in frames_of(self.cube):
             levels, clipped = _quantize(frame, self.divisor, self.full_scale)
             self.clipped += clipped
             yield _firing_order(levels, self.cube.radar, receivers)
 
-    def write_sidecar(self, path: Path) -> None:
-        """Write the `.rfgen.json` of the capture."""
-        write_json(path, describe(self.cube, self.format, self.scale, self.full_scale))
+    def write_sidecar(self, path: Path, **layout: Any) -> None:
+        """Write the sidecar of the capture; `layout` is added to it."""
+        write_json(path, describe(self.cube, self.format, self.scale, self.full_scale) | layout)
 
     def report(self, paths: tuple[Path, ...]) -> CaptureReport:
         """Result of the write of `paths`."""
         shape = self.cube.data.shape
-        values = 2 * math.prod(shape)
-        return CaptureReport(self.format, paths, shape[0], self.scale, self.full_scale, self.clipped, values)
+        real = self.cube.radar.adc.real
+        values = math.prod(shape) * (1 if real else 2)
+        return CaptureReport(self.format, paths, shape[0], self.scale, self.full_scale, self.clipped, values, real)
 
 
 def _check_cube(cube: AdcCube) -> None:
@@ -109,28 +115,48 @@ def _check_cube(cube: AdcCube) -> None:
         )
 
 
-def frames_of(cube: AdcCube) -> Iterator[NDArray[np.complex64]]:
-    """Each frame (chirp, tx, rx, sample) in turn; `cube.data` may be a dataset on the disk.
+def with_receivers(radar: Radar, kept: Sequence[int]) -> Radar:
+    """The radar with some of its receivers, by their indices."""
+    return replace(
+        radar,
+        rx_names=tuple(radar.rx_names[index] for index in kept),
+        rx_positions=radar.rx_positions[list(kept)],
+        rx_phases_deg=tuple(radar.rx_phases_deg[index] for index in kept) if radar.rx_phases_deg else (),
+    )
+
+
+def complex_only(radar: Radar, format: str) -> None:
+    """Refuse real samples for a format that has only complex ones."""
+    if radar.adc.real:
+        raise CaptureFormatError(
+            f"radar '{radar.name}' has a real ADC (adc.real); '{format}' has complex samples only: take 'dca1000' for "
+            "boards of TI, 'infineon' for those of Infineon, or 'matlab' for any"
+        )
+
+
+def frames_of(cube: AdcCube) -> Iterator[NDArray[Any]]:
+    """Each frame (chirp, tx, rx, sample) in turn, complex64, or float32 of a real ADC; `cube.data` may be a dataset on
+    the disk.
 
     Raises
     ------
     ValueError
-        At the first frame with a sample that is not finite.
+        At the first frame with a sample that is not finite, or with complex ones of a real ADC.
     """
     for number in range(cube.data.shape[0]):
-        frame: NDArray[np.complex64] = np.ascontiguousarray(cube.data[number], dtype=np.complex64)
+        stored = np.asarray(cube.data[number])
+        if cube.radar.adc.real and np.iscomplexobj(stored):
+            raise ValueError(
+                f"cube.data is {stored.dtype}; radar '{cube.radar.name}' has a real ADC (adc.real): float32 is needed"
+            )
+        frame: NDArray[Any] = np.ascontiguousarray(stored, dtype=cube.radar.sample_type)
         if not np.all(np.isfinite(frame)):
             raise ValueError(f"cube.data: frame {number} holds samples that are not finite")
         yield frame
 
 
-def _tone_amplitude(level: float) -> float:
-    """Amplitude [sqrt(W)] of a complex tone of `level` [dBm]."""
-    return float(10.0 ** ((level - 30.0) / 20.0))
-
-
 def _power_of_two(cube: AdcCube, full_scale: int) -> float:
-    """Smallest power of two [sqrt(W)/LSB] that clips no I or Q of the cube."""
+    """Smallest power of two [sqrt(W)/LSB] that clips nothing of the cube."""
     largest = max(float(np.abs(frame.view(np.float32)).max()) for frame in frames_of(cube))
     if largest == 0.0:
         return 1.0
@@ -141,20 +167,20 @@ def _power_of_two(cube: AdcCube, full_scale: int) -> float:
     return max(2.0**exponent, 2.0**-90)
 
 
-def _quantize(frame: NDArray[np.complex64], scale: float, full_scale: int) -> tuple[NDArray[np.int16], int]:
-    """(…, sample, 2) in LSB, I before Q, and the number of values beyond -full_scale … full_scale - 1."""
+def _quantize(frame: NDArray[Any], scale: float, full_scale: int) -> tuple[NDArray[np.int16], int]:
+    """(…, sample, part) in LSB, I before Q, and the number of values beyond -full_scale … full_scale - 1."""
     levels: NDArray[np.float32] = np.divide(frame.view(np.float32), np.float32(scale))
     np.rint(levels, out=levels)
     clipped = int(np.count_nonzero((levels < -full_scale) | (levels > full_scale - 1)))
     if clipped:
         np.clip(levels, -full_scale, full_scale - 1, out=levels)
-    return levels.astype(np.int16).reshape(*frame.shape, 2), clipped
+    return levels.astype(np.int16).reshape(*frame.shape, -1), clipped
 
 
-def complex_lsb(levels: NDArray[Any]) -> NDArray[np.complex64]:
-    """(…, sample, 2) to complex (…, sample)."""
+def to_samples(levels: NDArray[Any]) -> NDArray[Any]:
+    """(…, sample, part) to (…, sample): complex64 of I and Q, float32 of one part."""
     contiguous: NDArray[np.float32] = np.ascontiguousarray(levels, dtype=np.float32)
-    return contiguous.view(np.complex64)[..., 0]
+    return contiguous[..., 0] if contiguous.shape[-1] == 1 else contiguous.view(np.complex64)[..., 0]
 
 
 def channel_numbers(names: Sequence[str], prefix: str, most: int, label: str) -> list[int]:
@@ -165,10 +191,7 @@ def channel_numbers(names: Sequence[str], prefix: str, most: int, label: str) ->
     CaptureFormatError
         If there are more channels than `most`; `label` names the hardware.
     """
-    found = [re.fullmatch(rf"{prefix}[_ ]?(\d+)", name, re.IGNORECASE) for name in names]
-    numbers = [int(match[1]) for match in found if match]
-    if len(numbers) < len(names) or len(set(numbers)) < len(names) or min(numbers) < 1:
-        numbers = list(range(1, len(names) + 1))
+    numbers = element_numbers(names, prefix)
     if max(numbers) > most:
         raise CaptureFormatError(f"{label} has {prefix}1 … {prefix}{most}; the radar has {', '.join(names)}")
     return numbers

@@ -1,9 +1,9 @@
 """A MATLAB file: version 5 (SciPy), or version 7.3 (HDF5) where `adc` exceeds version 5's 2 GB.
 
-Variables: `adc` (chirp, tx, rx, sample, frame) complex single; `dims`, its axes; `units`, a struct with the unit of
-each variable; `frame_time` (frame, 1), `chirp_time` (chirp, tx), `sample_time` (1, sample), or (tx, sample) where
-profiles differ in it; `tx_name`, `rx_name`; `slot_name`, the entries of `adc` along tx; `tx_position`, `rx_position`
-(element, 3); `scale`; `description`, JSON with the full radar.
+Variables: `adc` (chirp, tx, rx, sample, frame) complex single, or single of a real ADC; `dims`, its axes; `units`, a
+struct with the unit of each variable; `frame_time` (frame, 1), `chirp_time` (chirp, tx), `sample_time` (1, sample), or
+(tx, sample) where profiles differ in it; `tx_name`, `rx_name`; `slot_name`, the entries of `adc` along tx;
+`tx_position`, `rx_position` (element, 3); `scale`; `description`, JSON with the full radar.
 
 MATLAB's first axis is the fastest: a frame, `adc(:, :, :, :, n)`, is contiguous. A truncated file is refused.
 """
@@ -57,7 +57,7 @@ def write(request: WriteRequest, *, version: Literal["auto", "5", "7.3"] = "auto
     cube = request.cube
     if version not in ("auto", "5", "7.3"):
         raise ValueError(f"version is {version!r}; allowed: auto, 5, 7.3")
-    size = 8 * int(np.prod(cube.data.shape))
+    size = cube.radar.sample_type.itemsize * int(np.prod(cube.data.shape))
     if version == "5" and size > MAX_VERSION_5:
         raise ValueError(
             f"version 5 holds variables of at most {MAX_VERSION_5:,} bytes; adc has {size:,}: take version 7.3"
@@ -76,7 +76,9 @@ def write(request: WriteRequest, *, version: Literal["auto", "5", "7.3"] = "auto
                 data /= np.float32(divisor)
             with part.open("wb") as stream:
                 savemat(stream, variables | {"adc": np.moveaxis(data, 0, -1)}, format="5", oned_as="column")
-    return CaptureReport(NAME, (target,), cube.data.shape[0], declared, None, 0, 2 * cube.data.size)
+    real = cube.radar.adc.real
+    values = int(np.prod(cube.data.shape)) * (1 if real else 2)
+    return CaptureReport(NAME, (target,), cube.data.shape[0], declared, None, 0, values, real)
 
 
 def _variables(cube: AdcCube, scale: float | None) -> dict[str, Any]:
@@ -113,11 +115,13 @@ def _write_hdf5(path: Path, cube: AdcCube, divisor: float, variables: dict[str, 
             else:
                 _put(file, name, value)
         # In the order of HDF5 the axes are those of `dims` reversed: MATLAB's first axis is the fastest.
-        adc = file.create_dataset("adc", shape=(frames, *shape[::-1]), dtype=_COMPLEX)
+        kind = cube.radar.sample_type
+        stored = _COMPLEX if kind == np.complex64 else kind
+        adc = file.create_dataset("adc", shape=(frames, *shape[::-1]), dtype=stored)
         adc.attrs["MATLAB_class"] = np.bytes_("single")
         for number, frame in enumerate(frames_of(cube)):
-            values = np.ascontiguousarray((frame / np.float32(divisor)).transpose(3, 2, 1, 0), dtype=np.complex64)
-            adc[number] = values.view(_COMPLEX)
+            values = np.ascontiguousarray((frame / np.float32(divisor)).transpose(3, 2, 1, 0), dtype=kind)
+            adc[number] = values.view(stored)
     with path.open("r+b") as stream:
         stream.write(_HEADER)
 
@@ -141,15 +145,18 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
         The file is truncated (also with `partial`), or has other contents.
     """
     data = need_file(data_file(path, STANDARD))
-    with data.open("rb") as stream:
-        recent = stream.read(len(_HEADER)).startswith(b"MATLAB 7.3")
-    description, stored = _open_hdf5(data) if recent else _open_version_5(data)
+    description, stored = _open_hdf5(data) if _is_hdf5(data) else _open_version_5(data)
     found = tuple(stored.shape if isinstance(stored, np.ndarray) else stored.shape[::-1])
     found += (1,) * (5 - len(found))  # MATLAB drops trailing axes of length 1
     known = with_radar(_described(description, data), radar, data)
     shape = known.radar.frame_shape
     if len(found) != 5 or found[:4] != shape:
         raise CaptureFormatError(f"'{data}': adc has {found}; {', '.join(_DIMS)} = {shape} and the frames are needed")
+    if (stored.dtype.kind == "f") != known.radar.adc.real:
+        raise CaptureFormatError(
+            f"'{data}': adc is {stored.dtype}; radar '{known.radar.name}' has {known.radar.sample_type} samples "
+            f"(adc.real is {known.radar.adc.real})"
+        )
     frames = found[4]
     if frames != known.frames:
         warn_or_raise(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
@@ -158,9 +165,24 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     def frame(number: int) -> NDArray[Any]:
         if isinstance(stored, np.ndarray):
             return stored.reshape(found)[..., number]
-        return np.ascontiguousarray(stored[number]).view(np.complex64).transpose(3, 2, 1, 0)
+        return np.ascontiguousarray(stored[number]).view(known.radar.sample_type).transpose(3, 2, 1, 0)
 
     return Capture(NAME, (data,), known.radar, known.times(frames), known.scale, known.seed, frame)
+
+
+def is_ours(path: Path) -> bool:
+    """Whether a file is a MATLAB file of :func:`write`, by its variables."""
+    if path.suffix.lower() != ".mat":
+        return False
+    try:
+        return bool(_open_hdf5(path) if _is_hdf5(path) else _open_version_5(path))
+    except CaptureFormatError:
+        return False
+
+
+def _is_hdf5(path: Path) -> bool:
+    with path.open("rb") as stream:
+        return stream.read(len(_HEADER)).startswith(b"MATLAB 7.3")
 
 
 def _described(description: str, path: Path) -> Description:

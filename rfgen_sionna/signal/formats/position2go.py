@@ -23,8 +23,16 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import Capture, CaptureFormatError, CaptureReport
 from rfgen_sionna.signal.formats.consistency import check_xml
 from rfgen_sionna.signal.formats.files import atomic_files, companion, data_file, need_file, warn_or_raise, whole_frames
-from rfgen_sionna.signal.formats.frames import Quantizer, WriteRequest, channel_numbers, complex_lsb, element_order
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, find_description
+from rfgen_sionna.signal.formats.frames import (
+    Quantizer,
+    WriteRequest,
+    channel_numbers,
+    complex_only,
+    element_order,
+    to_samples,
+    with_receivers,
+)
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, find_description, sidecar_of
 
 NAME = "position2go"
 STANDARD = "position2go.raw"
@@ -48,6 +56,7 @@ def write(request: WriteRequest) -> CaptureReport:
         The radar has more than one Tx: the format has no place for a second.
     """
     radar = request.cube.radar
+    complex_only(radar, NAME)
     receivers = _receivers(radar)
     loops, _, channels, samples = radar.frame_shape
     quantizer = Quantizer(request, NAME, FULL_SCALE)
@@ -75,7 +84,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     files = sorted(target.glob("*.raw")) if target.is_dir() else [need_file(data_file(target, STANDARD))]
     if not files:
         raise FileNotFoundError(f"'{target}' holds no .raw file")
-    sidecar, config = companion(files[0], SUFFIX), companion(files[0], ".xml")
+    sidecar, config = sidecar_of(files[0]), companion(files[0], ".xml")
 
     def same(found: Description) -> None:
         check_xml(config, _xml(found.radar, _receivers(found.radar)), _IGNORED_ELEMENTS, sidecar, partial)
@@ -104,9 +113,11 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     def frame(number: int) -> NDArray[Any]:
         file, place = places[number]
         levels = np.rint(stored[file]["levels"][place].astype(np.float32) * np.float32(_TOP)) - FULL_SCALE
-        return element_order(complex_lsb(levels.swapaxes(-1, -2)), known.radar, receivers)
+        return element_order(to_samples(levels.swapaxes(-1, -2)), known.radar, receivers)
 
-    return Capture(NAME, tuple(files), known.radar, known.times(before)[kept], known.scale, known.seed, frame)
+    return Capture(
+        NAME, tuple(files), known.radar, known.times(before)[kept], known.scale, known.seed, frame, (sidecar,), "none"
+    )
 
 
 def _check_trailers(
@@ -221,12 +232,7 @@ def radar_from_xml(path: Path, hardware: Radar) -> Radar:
             if period is None
             else float(period.get("acquisitionRate", hardware.waveform.frame_period * 1e3)) * 1e-3,
         )
-        return replace(
-            hardware,
-            waveform=waveform,
-            rx_names=tuple(hardware.rx_names[index] for index in heard),
-            rx_positions=hardware.rx_positions[heard],
-        )
+        return with_receivers(replace(hardware, waveform=waveform), heard)
     except CaptureFormatError:
         raise
     except (ValueError, ZeroDivisionError) as error:

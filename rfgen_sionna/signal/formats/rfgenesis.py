@@ -7,7 +7,6 @@ configuration, which RF Genesis' own tools need. Samples are floating-point numb
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,11 +22,11 @@ from rfgen_sionna.signal.formats.files import (
     data_file,
     need_file,
     warn_or_raise,
-    whole_frames,
     write_json,
 )
-from rfgen_sionna.signal.formats.frames import WriteRequest, frames_of
-from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, find_description
+from rfgen_sionna.signal.formats.frames import WriteRequest, complex_only, frames_of
+from rfgen_sionna.signal.formats.npy import open_frames, read_header
+from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, describe, find_description, sidecar_of
 
 NAME = "rfgenesis"
 STANDARD = "radar_frames.npy"
@@ -43,6 +42,7 @@ _CHECKED_FIELDS = frozenset(_FIELDS.split())
 def write(request: WriteRequest) -> CaptureReport:
     """Write `request.path` (or `radar_frames.npy` in it, where it is a folder) and its JSON; see `write_capture`."""
     cube, radar, frames = request.cube, request.cube.radar, request.cube.data.shape[0]
+    complex_only(radar, NAME)
     if radar.waveform.slots:
         raise CaptureFormatError(
             f"preset '{radar.preset}' has {radar.waveform.multiplexing} slots of {len(radar.waveform.profiles)} "
@@ -100,14 +100,20 @@ def _config(radar: Radar) -> dict[str, Any]:
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
     """Open a `radar_frames.npy`; see `open_capture`. Without a sidecar, `radar` must be the radar of the samples."""
     data = need_file(data_file(path, STANDARD))
-    sidecar, config = companion(data, SUFFIX), companion(data, "_config.json")
+    sidecar, config = sidecar_of(data), companion(data, "_config.json")
 
     def same(found: Description) -> None:
         check_json(config, _config(found.radar), _CHECKED_FIELDS, sidecar, partial)
 
     known = find_description(data, sidecar, radar, lambda hardware: Description(hardware), same)
     loops, slots, channels, samples = known.radar.frame_shape
-    stored = _open(data, (slots, channels, loops, samples), partial)
+    header, shape = read_header(data), (slots, channels, loops, samples)
+    if header.fortran or header.dtype.kind != "c" or len(header.shape) != 5 or header.shape[1:] != shape:
+        raise CaptureFormatError(
+            f"'{data}' holds {header.dtype} {header.shape}; complex (frame, tx, rx, chirp, sample) with {shape} after "
+            "the frames is needed for this radar"
+        )
+    stored = open_frames(data, header, None, partial)
     frames = len(stored)
     if known.frames is not None and frames != known.frames:
         warn_or_raise(f"'{data}' holds {frames} frames; {known.frames} are expected", partial)
@@ -117,23 +123,4 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     def frame(number: int) -> NDArray[Any]:
         return np.asarray(stored[number])[elements].transpose(2, 0, 1, 3)
 
-    return Capture(NAME, (data,), known.radar, known.times(frames), known.scale, known.seed, frame)
-
-
-def _open(path: Path, shape: tuple[int, int, int, int], partial: bool) -> NDArray[Any]:
-    """Whole frames of the array in a `.npy` file."""
-    with path.open("rb") as stream:
-        try:
-            version = np.lib.format.read_magic(stream)
-            header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-            found, fortran, dtype = header(stream)
-        except ValueError as error:
-            raise CaptureFormatError(f"'{path}' is not a NumPy file: {error}") from error
-        start = stream.tell()
-    if fortran or dtype.kind != "c" or len(found) != 5 or found[1:] != shape:
-        raise CaptureFormatError(
-            f"'{path}' holds {dtype} {found}; complex (frame, tx, rx, chirp, sample) with {shape} after the frames "
-            "is needed for this radar"
-        )
-    present = whole_frames(path, dtype.itemsize * int(np.prod(shape)), found[0], partial, start)
-    return np.memmap(path, dtype=dtype, mode="r", offset=start, shape=(present, *shape))
+    return Capture(NAME, (data,), known.radar, known.times(frames), known.scale, known.seed, frame, (config, sidecar))

@@ -1,4 +1,7 @@
-"""The `.rfgen.json` of a capture: scale, times, seed and radar."""
+"""The sidecar of a capture, `<name>.rfgen`: JSON with scale, times, seed and radar.
+
+Its name does not end in `.json`: other programs take every `*.json` of a folder for mmWave Studio's.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,26 @@ from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats.capture import CaptureFormatError, full_scale_dbm
 from rfgen_sionna.signal.formats.files import read_json
 
-SUFFIX = ".rfgen.json"
+SUFFIX = ".rfgen"
+FORMER_SUFFIX = ".rfgen.json"
+"""Of older files of this package."""
 _FORMAT, _VERSION = "rfgen-capture", 1
 
 
 def periodic_times(frames: int, radar: Radar) -> FloatArray:
     """(frames,) multiples of the frame period, from 0 [s]."""
     return np.asarray(np.arange(frames) * radar.waveform.frame_period, dtype=np.float64)
+
+
+def sidecar_of(path: Path) -> Path:
+    """Sidecar of a data file, of the former name where only that one exists."""
+    sidecar, former = (path.with_name(path.stem + suffix) for suffix in (SUFFIX, FORMER_SUFFIX))
+    return former if former.is_file() and not sidecar.is_file() else sidecar
+
+
+def is_sidecar(path: Path) -> bool:
+    """Whether the name is that of a sidecar."""
+    return path.name.endswith((SUFFIX, FORMER_SUFFIX))
 
 
 @dataclass(frozen=True)
@@ -36,9 +52,10 @@ class Description:
     iq_swap: bool = False
     """Whether Q precedes I."""
     lanes: int | None = None
-    """LVDS lanes of a DCA1000, 2 or 4; None where the configuration leaves them open, so that the device decides."""
+    """LVDS lanes of a DCA1000, 2 or 4; None leaves them to the device."""
     interleaved: bool | None = None
-    """Whether all receivers of a sample stand side by side (mmWave Studio's chInterleave 0); None: the device decides."""
+    """Whether all receivers of a sample stand side by side (mmWave Studio's chInterleave 0); None leaves that to the
+    lanes: so with four, not with two."""
 
     @property
     def frames(self) -> int | None:
@@ -55,10 +72,11 @@ def find_description(
     radar: Radar | None,
     read_config: Callable[[Radar], Description],
     check_config: Callable[[Description], None] | None = None,
+    hint: str = "",
 ) -> Description:
     """Description of the capture in `data`, from its sidecar, else from `radar` and the tool's own configuration.
 
-    `check_config` compares the tool's configuration with an existing sidecar.
+    `check_config` compares the tool's configuration with an existing sidecar; `hint` is added to an error.
 
     Raises
     ------
@@ -71,7 +89,7 @@ def find_description(
             check_config(known)
         return with_radar(known, radar, data)
     if radar is None:
-        raise CaptureFormatError(f"'{data}' has no '{sidecar.name}' beside it with its radar: pass radar=")
+        raise CaptureFormatError(f"'{data}' has no '{sidecar.name}' beside it with its radar: pass radar={hint}")
     return read_config(radar)
 
 
@@ -83,7 +101,9 @@ def describe(cube: AdcCube, capture_format: str, scale: float | None, full_scale
         "capture_format": capture_format,
         "scale": scale,
         "scale_units": "sqrt(W)/LSB",
-        "full_scale_dbm": None if scale is None or full_scale is None else full_scale_dbm(scale, full_scale),
+        "full_scale_dbm": None
+        if scale is None or full_scale is None
+        else full_scale_dbm(scale, full_scale, cube.radar.adc.real),
         "frames": len(cube.frame_times),
         "frame_times_s": [float(time) for time in cube.frame_times],
         "seed": None if cube.seed is None else int(cube.seed),
@@ -112,6 +132,7 @@ def from_record(record: dict[str, Any], label: str) -> Description:
         times = np.asarray(record["frame_times_s"], dtype=np.float64)
         scale = None if record["scale"] is None else float(record["scale"])
         seed = None if record["seed"] is None else int(record["seed"])
+        lanes = None if record.get("lanes") is None else int(record["lanes"])
     except (TypeError, ValueError) as error:
         raise CaptureFormatError(f"{label}: {error}") from error
     if times.ndim != 1 or len(times) == 0 or not np.all(np.isfinite(times)):
@@ -121,7 +142,7 @@ def from_record(record: dict[str, Any], label: str) -> Description:
         raise CaptureFormatError(f"{label}: 'frame_times_s'[{later}] is {times[later]:g}, not after the time before it")
     if scale is not None and not (np.isfinite(scale) and scale > 0):
         raise CaptureFormatError(f"{label}: 'scale' is {scale!r}; a positive number of sqrt(W)/LSB is needed")
-    return Description(radar, scale, times, seed)
+    return Description(radar, scale, times, seed, lanes=lanes)
 
 
 def with_radar(known: Description, radar: Radar | None, path: Path) -> Description:

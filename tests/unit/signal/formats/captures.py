@@ -20,9 +20,14 @@ def awr1843(loops: int = 4, samples: int = 6) -> Radar:
     return shortened("awr1843", "mmmesh", loops, samples)
 
 
-def cascade(loops: int = 2, samples: int = 4) -> Radar:
+def cascade(loops: int = 2, samples: int = 8) -> Radar:
     """12 Tx × 16 Rx; TX12 fires first."""
     return shortened("mmwcas", "ti_default", loops, samples)
+
+
+def bgt60(loops: int = 3, samples: int = 8) -> Radar:
+    """1 Tx × 3 Rx, real samples."""
+    return shortened("bgt60tr13c", Radar.load("bgt60tr13c").preset, loops, samples)
 
 
 def position2go(loops: int = 3, samples: int = 8) -> Radar:
@@ -34,17 +39,19 @@ RADARS = {
     "dca1000": awr1843(),
     "cascade": cascade(),
     "position2go": position2go(),
+    "infineon": bgt60(),
     "rfgenesis": awr1843(),
     "matlab": awr1843(),
 }
-FULL_SCALE = {"dca1000": 32768, "cascade": 32768, "position2go": 2048}
+FULL_SCALE = {"dca1000": 32768, "cascade": 32768, "position2go": 2048, "infineon": 2048}
 
 
 def lsb_cube(radar: Radar, frames: int, full_scale: int, seed: int = 0, scale: float = 1.0) -> AdcCube:
     """Whole LSB over the full scale, both ends among them, times `scale` [sqrt(W)]."""
     wave = radar.waveform
-    shape = (frames, wave.num_loops, len(radar.tx_names), len(radar.rx_names), wave.num_samples, 2)
+    shape = (frames, *radar.frame_shape, 1 if radar.adc.real else 2)
     levels = np.random.default_rng(seed).integers(-full_scale, full_scale, size=shape)
     levels.flat[:2] = -full_scale, full_scale - 1
-    data = (levels.astype(np.float32) * np.float32(scale)).view(np.complex64)[..., 0]
+    values = levels.astype(np.float32) * np.float32(scale)
+    data = values[..., 0] if radar.adc.real else values.view(np.complex64)[..., 0]
     return AdcCube(data=data, radar=radar, frame_times=1.5 + wave.frame_period * np.arange(frames), seed=seed)

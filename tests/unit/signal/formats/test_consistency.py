@@ -49,7 +49,7 @@ def test_a_damaged_configuration_is_told_of(tmp_path: Path, capture_format: str)
 @pytest.mark.parametrize(
     ("keys", "value", "message"),
     [
-        (("rlProfiles", 0, "rlProfileCfg_t", "numAdcSamples"), 8, r"numAdcSamples is 8; 6 by 'adc_data.rfgen.json'"),
+        (("rlProfiles", 0, "rlProfileCfg_t", "numAdcSamples"), 8, r"numAdcSamples is 8; 6 by 'adc_data.rfgen'"),
         (("rlProfiles", 0, "rlProfileCfg_t", "freqSlopeConst_MHz_usec"), 60.0, r"freqSlopeConst_MHz_usec is 60.0"),
         (("rlProfiles", 0, "rlProfileCfg_t", "digOutSampleRate"), "fast", "digOutSampleRate is 'fast'; 4400"),
         (("rlFrameCfg_t", "numFrames"), 3, "numFrames is 3; 2"),
@@ -95,7 +95,7 @@ def test_what_the_capture_does_not_hold_may_differ(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (">8<", ">16<", "BaseEndpoint/FrameFormat/numSamplesPerChirp is '16'; '8' by 'position2go.rfgen.json'"),
+        (">8<", ">16<", "BaseEndpoint/FrameFormat/numSamplesPerChirp is '16'; '8' by 'position2go.rfgen'"),
         ("<rxMask>3<", "<rxMask>1<", "rxMask is '1'"),
         ("RADAR_SIGNAL_I_AND_Q", "RADAR_SIGNAL_ONLY_I", "signalPart is 'RADAR_SIGNAL_ONLY_I'"),
         ("samplerateHz", "rate", "samplerateHz is missing"),
@@ -127,7 +127,7 @@ def test_a_json_that_does_not_fit_the_file_scrambles_nothing(
 ) -> None:
     """A real board's capture has no sidecar: with partial=True, too, sizes must be those of a capture cut off."""
     write_capture(lsb_cube(awr1843(), 4, 1000), tmp_path)
-    (tmp_path / "adc_data.rfgen.json").unlink()
+    (tmp_path / "adc_data.rfgen").unlink()
     path = tmp_path / "adc_data.mmwave.json"
     config = json.loads(path.read_text())
     rf = config["mmWaveDevices"][0]["rfConfig"]
@@ -141,7 +141,7 @@ def test_a_json_that_does_not_fit_the_file_scrambles_nothing(
 
 def test_a_json_without_a_number_of_frames_is_held_to_the_hardwares_own(tmp_path: Path) -> None:
     write_capture(lsb_cube(awr1843(), 3, 1000), tmp_path)
-    (tmp_path / "adc_data.rfgen.json").unlink()
+    (tmp_path / "adc_data.rfgen").unlink()
     path = tmp_path / "adc_data.mmwave.json"
     text = path.read_text().replace('"numFrames": 3', '"numFrames": 0')
     path.write_text(text.replace('"numAdcSamples": 6', '"numAdcSamples": 10'))
@@ -152,7 +152,7 @@ def test_a_json_without_a_number_of_frames_is_held_to_the_hardwares_own(tmp_path
 def test_a_size_that_fits_another_number_of_samples(tmp_path: Path) -> None:
     """The hardware's own preset has other frames than the capture here, so that only the division tells."""
     write_capture(lsb_cube(awr1843(samples=10), 3, 1000), tmp_path)
-    (tmp_path / "adc_data.rfgen.json").unlink()
+    (tmp_path / "adc_data.rfgen").unlink()
     path = tmp_path / "adc_data.mmwave.json"
     path.write_text(path.read_text().replace('"numAdcSamples": 10', '"numAdcSamples": 14'))
     with pytest.raises(CaptureFormatError, match="the size is that of numAdcSamples 10"):
@@ -185,7 +185,7 @@ def test_an_encoding_that_is_none(tmp_path: Path, encoding: str) -> None:
 
 def test_times_of_frames_that_do_not_ascend(tmp_path: Path) -> None:
     write_capture(lsb_cube(awr1843(), 2, 1000), tmp_path)
-    path = tmp_path / "adc_data.rfgen.json"
+    path = tmp_path / "adc_data.rfgen"
     record = json.loads(path.read_text())
     record["frame_times_s"] = [0.1, -7.0]
     path.write_text(json.dumps(record))

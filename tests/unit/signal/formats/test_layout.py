@@ -15,7 +15,7 @@ import scipy.io
 
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats import CaptureFormatError, open_capture, read_capture, write_capture
-from tests.unit.signal.formats.captures import awr1843, cascade, lsb_cube, position2go, shortened
+from tests.unit.signal.formats.captures import awr1843, bgt60, cascade, lsb_cube, position2go, shortened
 
 
 def test_an_mmmesh_frame_has_the_bytes_of_the_board(tmp_path: Path) -> None:
@@ -57,7 +57,7 @@ def test_dca1000_needs_pairs_of_samples(tmp_path: Path) -> None:
 
 def test_cascade_four_receivers_of_a_sample_side_by_side(tmp_path: Path) -> None:
     """Read as TI's `read_ADC_bin_TDA2_separateFiles` does; TX12 fires first."""
-    radar = cascade()
+    radar = cascade(2, 4)
     cube = lsb_cube(radar, 3, 32768)
     write_capture(cube, tmp_path / "run7", "cascade", scale=1.0)
     for device, name in enumerate(["master", "slave1", "slave2", "slave3"]):
@@ -91,7 +91,7 @@ def test_cascade_index_tells_frames_sizes_and_times(tmp_path: Path) -> None:
             assert entry[9:] == (frame_size, 1_500_000 + 100_000 * frame, frame * frame_size)
 
 
-@pytest.mark.parametrize(("tag", "width"), [(0x6469, 2048), (0x6964, 256)], ids=["board", "older files of this package"])
+@pytest.mark.parametrize(("tag", "width"), [(0x6469, 2048), (0x6964, 256)], ids=["board", "older files"])
 def test_a_recording_of_a_cascade_board(tmp_path: Path, tag: int, width: int) -> None:
     """Bytes as the TDA2 host writes them: 12 chirps × 64 loops of 256 samples, 4 Rx a device, no JSON."""
     frame_size = 64 * 12 * 256 * 4 * 4
@@ -114,16 +114,15 @@ def test_a_recording_of_a_cascade_board(tmp_path: Path, tag: int, width: int) ->
 
 
 def test_a_cascade_index_of_other_frames_names_width_and_height(tmp_path: Path) -> None:
-    write_capture(lsb_cube(cascade(), 2, 100), tmp_path, "cascade")
-    (tmp_path / "capture.rfgen").unlink(missing_ok=True)
-    (tmp_path / "capture.rfgen.json").unlink(missing_ok=True)
+    write_capture(lsb_cube(cascade(2, 4), 2, 100), tmp_path, "cascade")
+    (tmp_path / "capture.rfgen").unlink()
     next(tmp_path.glob("*.mmwave.json")).unlink()
     with pytest.raises(CaptureFormatError, match=r"width 32 \(samples × 4 Rx .*height 24 .*; the radar's .* 64, 24, "):
         open_capture(tmp_path, radar=cascade(2, 8))
 
 
 def test_cascade_goes_on_in_further_files(tmp_path: Path) -> None:
-    radar = cascade()
+    radar = cascade(2, 4)
     cube = lsb_cube(radar, 5, 1000)
     write_capture(cube, tmp_path, "cascade", max_file_size=2 * 2 * 12 * 4 * 16 + 8)
     sizes = [(tmp_path / f"slave1_{number:04d}_data.bin").stat().st_size for number in range(3)]
@@ -236,7 +235,8 @@ def test_matlab_takes_7_3_where_5_ends(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_one_frame_and_one_loop_keep_their_axes(tmp_path: Path, capture_format: str) -> None:
-    radar = {"cascade": cascade(1, 2), "position2go": position2go(1, 2)}.get(capture_format, awr1843(1, 2))
+    small = {"cascade": cascade, "position2go": position2go, "infineon": bgt60}.get(capture_format, awr1843)
+    radar = small(1, 2)
     cube = lsb_cube(radar, 1, 1000)
     write_capture(cube, tmp_path, capture_format)
     assert open_capture(tmp_path).frame(0).shape == cube.data.shape[1:]

@@ -103,10 +103,11 @@ def test_silence_is_written_as_silence(tmp_path: Path, capture_format: str) -> N
 def test_what_exceeds_full_scale_is_clipped_and_counted(name: str, tmp_path: Path) -> None:
     full = FULL_SCALE[name]
     cube = lsb_cube(RADARS[name], 1, 100)
-    cube.data[0, 0, 0, 0, :2] = [full + 5 - 1j * (full + 7), full - 1 - 1j * full]
+    words = cube.data.view(np.float32)[0, 0, 0, 0]  # I and Q in turn, or real samples
+    words[:4] = [full + 5, -full - 7, full - 1, -full]
     report = write_capture(cube, tmp_path, name, scale=1.0)
-    assert (report.clipped, report.values) == (2, 2 * cube.data.size)
-    cube.data[0, 0, 0, 0, 0] = full - 1 - 1j * full
+    assert (report.clipped, report.values) == (2, cube.data.view(np.float32).size)
+    words[:2] = [full - 1, -full]
     np.testing.assert_array_equal(read_capture(tmp_path).data, cube.data)
 
 
@@ -116,7 +117,8 @@ def test_full_scale_in_dbm_is_the_power_of_a_tone_that_fills_the_converter(name:
     report = write_capture(cube, tmp_path, name, full_scale_dbm=-10.0)
     assert report.scale is not None
     assert report.full_scale_dbm == pytest.approx(-10.0, abs=1e-9)
-    assert (report.scale * FULL_SCALE[name]) ** 2 == pytest.approx(1e-4)  # -10 dBm is 0.1 mW
+    # -10 dBm is 0.1 mW: |I + jQ|^2 of complex samples, half the peak's square of real ones
+    assert (report.scale * FULL_SCALE[name]) ** 2 == pytest.approx(2e-4 if cube.radar.adc.real else 1e-4)
 
 
 def test_a_radar_with_a_fixed_full_scale_gives_the_scale(tmp_path: Path) -> None:
@@ -204,7 +206,7 @@ def test_the_file_beside_the_data_names_the_capture(tmp_path: Path, capture_form
         ({"scale": True}, "scale is True"),
         ({"scale": 1.0, "full_scale_dbm": 0.0}, "give one of them"),
         ({"full_scale_dbm": float("inf")}, "full_scale_dbm is inf"),
-        ({"format": "wav"}, "format is 'wav'; allowed: dca1000, cascade, position2go, rfgenesis, matlab"),
+        ({"format": "wav"}, "format is 'wav'; allowed: dca1000, cascade, position2go, infineon, rfgenesis, matlab"),
         ({"format": "matlab", "full_scale_dbm": 0.0}, "floating-point"),
         ({"format": "matlab", "version": "6"}, "version is '6'"),
         ({"format": "cascade"}, "has 4 receivers; the cascade records 16"),

@@ -79,7 +79,7 @@ def test_the_boards_json_lists_phases_of_the_loops_until_they_come_round(tmp_pat
 def test_the_boards_json_alone_gives_the_frame(tmp_path: Path, preset: str) -> None:
     cube = cube_of(SLOTTED[preset])
     write_capture(cube, tmp_path, "dca1000", scale=1.0)
-    (tmp_path / "adc_data.rfgen.json").unlink()
+    (tmp_path / "adc_data.rfgen").unlink()
     hardware = Radar.load("awr1843")
     capture = open_capture(tmp_path, radar=hardware)
     found, wanted = capture.radar.waveform, cube.radar.waveform
@@ -97,7 +97,7 @@ def test_the_cascade_steers(tmp_path: Path) -> None:
     cube = cube_of(STEERED)
     write_capture(cube, tmp_path / "run", "cascade", scale=1.0)
     np.testing.assert_array_equal(read_capture(tmp_path / "run").data, cube.data)
-    (tmp_path / "run" / "capture.rfgen.json").unlink()
+    (tmp_path / "run" / "capture.rfgen").unlink()
     found = open_capture(tmp_path / "run", radar=Radar.load("mmwcas")).radar
     assert found.tx_names == STEERED.tx_names
     np.testing.assert_allclose(found.waveform.axis_weights, STEERED.waveform.axis_weights, atol=1e-12)
@@ -129,6 +129,6 @@ def test_a_constant_frequency_in_position2gos_files(tmp_path: Path) -> None:
     cube = lsb_cube(radar, 2, 2048)
     write_capture(cube, tmp_path, "position2go", scale=1.0)
     np.testing.assert_array_equal(read_capture(tmp_path).data, cube.data)
-    (tmp_path / "position2go.rfgen.json").unlink()
+    (tmp_path / "position2go.rfgen").unlink()
     found = open_capture(tmp_path, radar=Radar.load("position2go", "doppler")).radar.waveform
     assert (found.slope, found.max_range) == (0.0, 30.0)
