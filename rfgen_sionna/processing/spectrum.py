@@ -96,17 +96,15 @@ def range_transform(array: Samples, radar: Radar, bins: int) -> ComplexChannels:
     return np.asarray(spectrum)
 
 
-def complex_samples(array: Samples, radar: Radar) -> ComplexChannels:
+def complex_samples(array: Samples, radar: Radar) -> Samples:
     """Complex samples s of real ones, sqrt(2) Re(s), with beats of one sign; complex ones are unchanged."""
     if not radar.adc.real:
         return array
-    analytic = hilbert(array, axis=-1).astype(np.result_type(array.dtype, np.complex64), copy=False) / np.sqrt(
-        2, dtype=array.dtype
-    )
+    analytic = (hilbert(array, axis=-1) / np.sqrt(2)).astype(np.result_type(array.dtype, np.complex64), copy=False)
     return np.asarray(analytic.conj() if radar.waveform.slope < 0 else analytic)
 
 
-def real_samples(array: ComplexChannels, radar: Radar) -> Samples:
+def real_samples(array: Samples, radar: Radar) -> Samples:
     """Inverse of :func:`complex_samples`."""
     return np.sqrt(2, dtype=array.real.dtype) * array.real if radar.adc.real else array
 

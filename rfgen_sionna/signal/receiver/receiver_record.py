@@ -63,7 +63,7 @@ def receiver_from_record(record: Mapping[str, Any], radar: Radar) -> Receiver:
     if "interferers" in record:
         arguments["interferers"] = tuple(_interferer(entry) for entry in _list(record["interferers"]))
     if "adc" in record:
-        arguments["adc"] = _adc(record["adc"])
+        arguments["adc"] = _adc(record["adc"], radar)
     try:
         return Receiver(**arguments)
     except TypeError as error:
@@ -175,7 +175,7 @@ def _interferer(record: Any) -> Interferer:
     return Interferer(**values)
 
 
-def _adc(record: Any) -> Any:
+def _adc(record: Any, radar: Radar) -> Any:
     if record in ("radar", "none"):
         return None if record == "none" else record
     if not isinstance(record, Mapping):
@@ -183,4 +183,5 @@ def _adc(record: Any) -> Any:
             f'receiver.adc is {record!r}: "radar", "none" or a table with bits and full_scale_dbm is needed'
         )
     level = record.get("full_scale_dbm")
-    return _part(Adc, "receiver.adc", dict(record) | {"full_scale_dbm": None if level == "auto" else level})
+    known = {"real": radar.adc.real} | dict(record) | {"full_scale_dbm": None if level == "auto" else level}
+    return _part(Adc, "receiver.adc", known)

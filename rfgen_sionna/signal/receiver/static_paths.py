@@ -102,7 +102,7 @@ def static_paths(
     """Leakage and chassis reflection, with the range bias; one beyond the range window is a ValueError."""
     paths = []
     tx, rx = radar.feed_factors
-    feeds = np.conj(tx[:, None] * rx)
+    feeds: ComplexArray = np.conj(tx[:, None] * rx)
     for name, source in (("leakage.extra_length", leakage), ("chassis.distance", chassis)):
         if source is None:
             continue
@@ -114,5 +114,5 @@ def static_paths(
             )
         power = 1e-3 * 10.0 ** ((radar.tx_power_dbm + source.level_db) / 10)
         delay = length / SPEED_OF_LIGHT + (0.0 if bias is None else bias.delay)
-        paths.append(StaticPath(math.sqrt(power) * feeds[..., None], delay))
+        paths.append(StaticPath(np.asarray(math.sqrt(power) * feeds[..., None]), delay))
     return paths

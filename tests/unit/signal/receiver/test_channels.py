@@ -97,3 +97,11 @@ def test_configurations_for_other_radars_are_refused(small):
         replace(IDEAL, coupling=Coupling(((1, 0), (0, 1)))).check(small())
     with pytest.raises(ValueError, match=r"mismatch.tx_gain_db has 2 values.*TX1, TX2, TX3"):
         replace(IDEAL, mismatch=Mismatch(tx_gain_db=(0, 1))).check(small())
+
+
+def test_coupling_of_neighbours_is_that_of_the_patches_not_of_their_feeds(small):
+    """What leaks from a patch into a turned one arrives with the other sign at its port."""
+    radar = small()
+    plain = np.array(Coupling.of_neighbours(radar, -20.0, 30.0).matrix)
+    turned = np.array(Coupling.of_neighbours(replace(radar, rx_phases_deg=(0, 180, 180, 0)), -20.0, 30.0).matrix)
+    np.testing.assert_allclose(turned, plain * np.outer([1, -1, -1, 1], [1, -1, -1, 1]))

@@ -158,3 +158,11 @@ def test_what_cannot_be_is_refused(small):
         Interferer(other, if_band_hz=(0, 5e6)).check(radar)
     with pytest.raises(ValueError, match=r"the position of the radar"):
         Receiver(interferers=(Interferer(radar),)).check(radar)
+
+
+def test_feeds_of_the_receivers_turn_the_bursts(small):
+    radar = small(loops=1)
+    other = Interferer(crossing(radar, radar.waveform.slope - 0.5e12), received_dbm=-50.0, start=0.0)
+    plain = seen(radar, other)
+    turned = seen(replace(radar, rx_phases_deg=(0, 180, 0, 90)), other)
+    np.testing.assert_allclose(turned, plain * np.array([1, -1, 1, -1j])[:, None], atol=1e-12 * np.abs(plain).max())

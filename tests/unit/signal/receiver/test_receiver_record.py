@@ -133,3 +133,12 @@ def test_files_that_are_none(tmp_path: Path) -> None:
     path.write_text("leakage = {level_db = 3}")
     with pytest.raises(ValueError, match=r"odd\.toml': leakage\.level_db is 3"):
         read_receiver(path, RADAR)
+
+
+def test_a_table_of_the_adc_is_real_where_the_radars_is() -> None:
+    radar = Radar.load("awr1843", overrides={"adc.real": True})
+    receiver = receiver_from_record({"adc": {"bits": 10}}, radar)
+    assert receiver.adc == Adc(10, real=True)
+    assert receiver_from_record(json.loads(json.dumps(receiver_record(receiver))), radar) == receiver
+    with pytest.raises(ValueError, match=r"receiver.adc.real is False and that of radar 'awr1843' is True"):
+        read_receiver({"adc": {"bits": 10, "real": False}}, radar)

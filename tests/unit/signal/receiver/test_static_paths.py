@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
+from rfgen_sionna.radar import Slot
+from rfgen_sionna.radar.slots import coded_slots, hadamard_code
 from rfgen_sionna.signal import Chassis, Leakage, RangeBias, Receiver, receive
 
 IDEAL = Receiver.ideal()
@@ -79,3 +81,21 @@ def test_values_out_of_range(make, said):
 def test_a_chassis_beyond_the_range_window(small):
     with pytest.raises(ValueError, match=r"chassis.distance.*range window.*awr1843"):
         replace(IDEAL, chassis=Chassis(-60, 20.0)).check(small())
+
+
+def test_feeds_turn_the_devices_own_paths(small):
+    """A phase of a Tx element's feed is as good as one of its phase shifter, also where several elements fire at once."""
+    radar = small()
+    slots = coded_slots(hadamard_code(3), range(3), 3)
+    shifted = [Slot(tuple(np.add(slot.phases_deg, (0.0, 180.0, 33.75)).tolist())) for slot in slots]
+    receiver = replace(IDEAL, leakage=Leakage(-30.0), chassis=Chassis(-50.0, 0.05))
+    found = []
+    for chosen, phases in ((slots, (0.0, 180.0, 33.75)), (shifted, ())):
+        wave = replace(radar.waveform, tx_order=(), slots=tuple(chosen))
+        coded = replace(radar, waveform=wave, tx_phases_deg=phases, rx_phases_deg=(0, 90, 0, 180))
+        found.append(receive(np.zeros(coded.frame_shape, complex), coded, receiver).samples)
+    np.testing.assert_allclose(*found, atol=1e-12)
+    wave = replace(radar.waveform, tx_order=(), slots=slots)
+    plain = receive(np.zeros((4, 4, 4, 256), complex), replace(radar, waveform=wave), receiver).samples
+    ratio = found[0][0, 0, :, 0] / plain[0, 0, :, 0]
+    assert np.abs(ratio - ratio[0]).max() > 0.5
