@@ -84,7 +84,7 @@ def test_a_chassis_beyond_the_range_window(small):
 
 
 def test_feeds_turn_the_devices_own_paths(small):
-    """A phase of a Tx element's feed is as good as one of its phase shifter, also where several elements fire at once."""
+    """A phase of a Tx element's feed is one of its phase shifter, also where several elements fire at once."""
     radar = small()
     slots = coded_slots(hadamard_code(3), range(3), 3)
     shifted = [Slot(tuple(np.add(slot.phases_deg, (0.0, 180.0, 33.75)).tolist())) for slot in slots]
