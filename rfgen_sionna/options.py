@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -11,14 +12,17 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.dataset import check_output
+from rfgen_sionna.generative.actor import DEFAULT_DURATION
 from rfgen_sionna.generative.environment_prompt import split_source
 from rfgen_sionna.generative.environment_setup import IMAGE_FOV, IMAGE_PIXELS
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
+from rfgen_sionna.generative.prompts import CLIP, ScenePrompt
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.recording import bytes_text, frame_bytes
 from rfgen_sionna.scene.checks.actors import Policy
+from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.signal import Receiver
 from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource, chosen_receiver
 from rfgen_sionna.signal.synthesis import chosen_device
@@ -34,9 +38,10 @@ def check_options(
     *,
     radar: str | PathLike[str] | Radar,
     preset: str | None,
+    board: str | PathLike[str] | None,
     radar_position: tuple[float, float, float] | None,
     look_at: tuple[float, float, float] | None,
-    duration: float,
+    duration: float | None,
     output: str | PathLike[str] | None,
     overwrite: bool,
     noise: bool,
@@ -47,7 +52,7 @@ def check_options(
     projection: str,
     max_bounces: int | None,
     transmission: bool,
-    environment: str | None,
+    environment: Any,
     collisions: Policy,
     device: str,
     workers: int,
@@ -67,13 +72,34 @@ def check_options(
     check_workers(workers, chosen_device(device))
     target = Path("run.h5") if output is None else check_output(output, overwrite)
     chosen_view(pir_resolution, fov_deg, projection, split_source(environment)[0])
-    radar = _placed_radar(radar, preset, radar_position, look_at)
+    radar = _placed_radar(radar, preset, board, radar_position, look_at)
     radar.to_dict()  # refuses a radar that no file can hold
     empty = Simulator(None, radar, rtol=rtol, collisions=collisions, max_bounces=max_bounces, transmission=transmission)
     # The default image size depends on the prompt: the smaller one is checked.
     check_size(duration, radar, IMAGE_PIXELS if pir_resolution is None else pir_resolution, target)
-    empty.frame_times(duration)
+    empty.frame_times(DEFAULT_DURATION if duration is None else duration)
     return radar, chosen_receiver(receiver, radar, noise)
+
+
+def check_actors(actors: Any) -> tuple[MeshActor, ...]:
+    """Actors of an argument; TypeError for anything else."""
+    if isinstance(actors, MeshActor):
+        return (actors,)
+    if not isinstance(actors, (list, tuple)) or not all(isinstance(each, MeshActor) for each in actors):
+        raise TypeError(f"actors is {actors!r}: a list of actors is needed (Actor.from_mesh, from_motion, from_prompt)")
+    return tuple(actors)
+
+
+def chosen_duration(duration: float | None, actors: Sequence[MeshActor]) -> float:
+    """Length of a run [s]; None is that of the longest motion of `actors`, else :data:`DEFAULT_DURATION`."""
+    if duration is not None:
+        return duration
+    return max((each.duration for each in actors if math.isfinite(each.duration)), default=DEFAULT_DURATION)
+
+
+def default_output(said: ScenePrompt | None) -> str:
+    """File of a run without an argument `output`: the action or the clip."""
+    return "run.h5" if said is None else f"{said.action.removeprefix(CLIP)}.h5"
 
 
 def chosen_view(
@@ -86,10 +112,17 @@ def chosen_view(
     return resolution, fov
 
 
-def _placed_radar(radar: str | PathLike[str] | Radar, preset: str | None, position: Any, look_at: Any) -> Radar:
+def _placed_radar(
+    radar: str | PathLike[str] | Radar,
+    preset: str | None,
+    board: str | PathLike[str] | None,
+    position: Any,
+    look_at: Any,
+) -> Radar:
     if isinstance(radar, Radar):
-        if preset is not None:
-            raise ValueError(f"preset is {preset!r} but a Radar is given, which has its own ('{radar.preset}')")
+        for name, value in (("preset", preset), ("board", board)):
+            if value is not None:
+                raise ValueError(f"{name} is {value!r} but a Radar is given, which has its own ('{radar.preset}')")
         for name, value in (("radar_position", position), ("look_at", look_at)):
             if value is not None:
                 raise ValueError(f"{name} is {value!r} but a Radar is given, which is placed: radar.placed(…) moves it")
@@ -101,7 +134,7 @@ def _placed_radar(radar: str | PathLike[str] | Radar, preset: str | None, positi
         target = RADAR_TARGET if position is None else (place[0] + 1.0, place[1], place[2])
     if target == place:
         raise ValueError(f"look_at is {look_at!r}, the position of the radar: a point away from it is needed")
-    return Radar.load(radar, preset, position=place, look_at=target)
+    return Radar.load(radar, preset, board=board, position=place, look_at=target)
 
 
 def _vector(name: str, value: Any) -> tuple[float, float, float]:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rfgen_sionna._deprecation import warn_renamed
 from rfgen_sionna.dataset import check_output
-from rfgen_sionna.generative.actor import Actor
-from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument
+from rfgen_sionna.generative.actor import DEFAULT_DURATION, Actor
+from rfgen_sionna.generative.clip_person import Clip, chosen_clip, person_with_clip, read_clip_prompt
+from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, tabulate
 from rfgen_sionna.generative.environment_prompt import (
     NOWHERE,
     EnvironmentPrompt,
@@ -24,14 +26,16 @@ from rfgen_sionna.generative.environment_prompt import (
 )
 from rfgen_sionna.generative.environment_setup import ImageOptions, chosen_source, set_up_environment
 from rfgen_sionna.generative.motion import MotionSource
-from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
+from rfgen_sionna.generative.prompts import DECIDED, DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
 from rfgen_sionna.generative.radar_placement import place_before_radar
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
-from rfgen_sionna.options import check_options, check_size, chosen_view
+from rfgen_sionna.options import check_actors, check_options, check_size, chosen_duration, chosen_view, default_output
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.recording import ImageView, Progress, run_info, run_plan, write_run
+from rfgen_sionna.records import Motion
 from rfgen_sionna.scene.checks.actors import Policy
 from rfgen_sionna.scene.floor import floor_under
+from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource
 from rfgen_sionna.signal.synthesis import chosen_device
 from rfgen_sionna.simulation import Simulator
@@ -43,10 +47,11 @@ _LOG = logging.getLogger(__name__)
 
 
 def generate(
-    prompt: str,
+    prompt: str = "",
     *,
+    actors: Sequence[MeshActor] = (),
     negative: str = "",
-    environment: str | None = None,
+    environment: Any = None,
     surroundings: str | None = None,
     negative_environment: str = "",
     refine: bool | float | None = None,
@@ -54,7 +59,8 @@ def generate(
     environment_lora: str | PathLike[str] | None = None,
     radar: str | PathLike[str] | Radar = "awr1843",
     preset: str | None = None,
-    duration: float = 3.0,
+    board: str | PathLike[str] | None = None,
+    duration: float | None = None,
     seed: int = 0,
     output: str | PathLike[str] | None = None,
     overwrite: bool = False,
@@ -69,19 +75,24 @@ def generate(
     projection: str = "perspective",
     max_bounces: int | None = 1,
     transmission: bool = False,
-    motion: str = "auto",
+    motion: str | PathLike[str] | Motion = "auto",
+    up: str | None = None,
+    frame_rate: float | None = None,
     collisions: Policy = "error",
     device: str = "auto",
     workers: int = 1,
     progress: bool | Progress | None = None,
     report: Callable[[str], None] | None = None,
 ) -> Run:
-    """Radar data of a prompt.
+    """Radar data of a prompt, of actors, or of both.
 
     Parameters
     ----------
     prompt, negative
         Wanted and unwanted features: target, action, orientation, distance, body, surroundings.
+    actors
+        Further actors, each with its place in the world (:class:`~rfgen_sionna.generative.actor.Actor`). Without a
+        prompt they are all.
     environment
         Surroundings in words ("a living room"), or name of a scene ("living_room", "Munich"); "free space" is none.
         None takes the surroundings of the prompt. A source may precede the words ("furnished: an office"), or be alone,
@@ -101,11 +112,14 @@ def generate(
         :class:`~rfgen_sionna.generative.environment.environment_diffusion.EnvironmentDiffusion`); None is the model
         of the package, without a LoRA.
     radar
-        Name or TOML file of a radar, or a placed Radar.
+        Name or file of a radar (:meth:`~rfgen_sionna.radar.Radar.load`), or a placed Radar.
     preset
         Configuration of the radar; None is its default.
+    board
+        Board of a vendor's configuration file that names none.
     duration
-        Length [s]; the run has all whole frames that fit.
+        Length [s]; the run has all whole frames that fit. None is that of the clip, of the longest motion of the
+        actors without a prompt, else 3 s.
     seed
         Seed of body, motion, noise and the speckle of rough surfaces.
     output
@@ -136,7 +150,11 @@ def generate(
         :class:`~rfgen_sionna.simulation.Simulator`.
     motion
         Source of the motion: "kinematic" (rules of movement), "diffusion" (the learned model) or "auto", the learned
-        model where its packages are installed.
+        model where its packages are installed. Or a clip that replaces the action of the prompt: a Motion, or a file or
+        folder that :meth:`~rfgen_sionna.generative.actor.Actor.from_motion` takes. Its origin is at the prompt's
+        distance, and labels say "clip: NAME".
+    up, frame_rate
+        Up axis and frame rate [Hz] of a clip in a file, as in :meth:`~rfgen_sionna.generative.actor.Actor.from_motion`.
     collisions
         Policy for a person more than 5 cm deep in a wall or a piece of furniture: "error" refuses the run, "warn"
         warns, "ignore" does not check.
@@ -162,9 +180,11 @@ def generate(
     if surroundings is not None:
         warn_renamed("generate(surroundings=…)", "environment='furnished: …'")
         environment = with_source(environment, surroundings)
+    clip, others = chosen_clip(motion, up, frame_rate), check_actors(actors)
     radar, impairments = check_options(
         radar=radar,
         preset=preset,
+        board=board,
         radar_position=radar_position,
         look_at=look_at,
         duration=duration,
@@ -187,22 +207,35 @@ def generate(
         negative_environment, refine, environment_model, environment_lora, None if device == "auto" else device
     )
     device = chosen_device(device)
-    source = motion_source(motion)
     origin, place_words = split_source(environment)
-    said, asked = _read(prompt, negative, place_words, seed, distance, origin, source)
+    source: MotionSource | None = None
+    said: ScenePrompt | None = None
+    if prompt == "" and clip is None and others:
+        for name, value, usual in (
+            ("negative", negative, ""),
+            ("distance", distance, None),
+            ("motion", motion, "auto"),
+        ):
+            if value != usual:
+                raise ValueError(f"{name} is {value!r}, which belongs to a prompt, but only actors are given")
+        check_seed(seed)
+        asked = None if place_words is None else parse_environment(place_words)
+    else:
+        source = motion_source(motion) if isinstance(motion, str) and clip is None else None
+        said, asked = _read(prompt, negative, place_words, seed, distance, origin, clip or source)
     kind = chosen_source(origin, asked, image_options)
     for sentence in asked.warnings(imagined=kind == "diffusion") if asked else ():
         _LOG.warning(sentence)
     resolution, fov = chosen_view(pir_resolution, fov_deg, projection, kind)
-    target = check_output(f"{said.action}.h5" if output is None else output, overwrite)
+    target = check_output(default_output(said) if output is None else output, overwrite)
     image_options.check(moves=radar.trajectory is not None)
-    place = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
-    if place > radar.max_range:
+    place = DEFAULT_DISTANCE if said is None or said.distance_m is None else said.distance_m
+    if said is not None and place > radar.max_range:
         raise ValueError(
             f"distance is {place:g} m; the range window of radar '{radar.name}' (preset '{radar.preset}') ends at "
             f"{radar.max_range:.2f} m: choose a smaller one, or a preset with a lower slope or a higher sample rate"
         )
-    spot, _ = place_before_radar(radar, place, said.bearing_deg or 0.0)
+    spot = None if said is None else place_before_radar(radar, place, said.bearing_deg or 0.0)[0]
     check_size(duration, radar, resolution, target)
     setting = set_up_environment(
         asked,
@@ -215,28 +248,37 @@ def generate(
         projection=projection,
     )
     scene = setting.scene
-    Simulator(scene, radar, rtol=rtol, max_bounces=max_bounces, transmission=transmission)
+    traced: dict[str, Any] = {"rtol": rtol, "max_bounces": max_bounces, "transmission": transmission}
+    Simulator(scene, radar, others, **traced)
 
-    found = floor_under(scene, (*spot, float(radar.position[2])))
-    height, why = (0.0, "no surface there, so height 0") if found is None else (found[0], f"'{found[1]}' there")
-    person = Actor.from_prompt(said, seed=seed, duration=duration, radar=radar, floor=height, source=source)
-    if motion == "auto":
-        decisions = (replace(each, origin=DEFAULT) if each.name == "motion" else each for each in person.decisions)
-        person = replace(person, decisions=tuple(decisions))
+    decisions = list(setting.decisions)
+    person: Actor | None = None
+    if said is not None and spot is not None:
+        found = floor_under(scene, (*spot, float(radar.position[2])))
+        height, why = (0.0, "no surface there, so height 0") if found is None else (found[0], f"'{found[1]}' there")
+        decisions.append(Decision("floor", f"{height + 0.0:.2f} m", why))
+        if clip is not None:
+            person = person_with_clip(said, clip, seed=seed, radar=radar, floor=height, up=up, frame_rate=frame_rate)
+        else:
+            length = DEFAULT_DURATION if duration is None else duration
+            person = Actor.from_prompt(said, seed=seed, duration=length, radar=radar, floor=height, source=source)
+        if motion == "auto":
+            person = replace(person, decisions=tuple(map(_by_default, person.decisions)))
+    everyone = others if person is None else (person, *others)
+    duration = chosen_duration(duration, others if person is None else (person,))
     simulator = Simulator(
         scene,
         radar,
-        [person],
-        rtol=rtol,
+        everyone,
+        **traced,
         collisions=collisions,
         seed=seed,
-        max_bounces=max_bounces,
-        transmission=transmission,
         environment=setting.environment,
         refiner=setting.refiner,
     )
     # Surroundings from an image are opaque.
-    if (setting.environment is not None or not transmission) and simulator.is_occluded(person, 0.0, duration):
+    opaque = setting.environment is not None or not transmission
+    if person is not None and opaque and simulator.is_occluded(person, 0.0, duration):
         if setting.environment is None:
             what, remedy = f"the surfaces of scene '{scene.name}' hide", "choose another distance or environment"
         else:
@@ -244,7 +286,8 @@ def generate(
         raise ValueError(
             f"distance is {place:g} m: {what} the person from the radar there; {remedy}, or place the radar elsewhere"
         )
-    text = person.report([*setting.decisions, Decision("floor", f"{height + 0.0:.2f} m", why)])
+    decisions += [Decision("actor", f"{each.name}: {each.properties.name}", argument("actors")) for each in others]
+    text = "\n".join([DECIDED, *tabulate(decisions)]) if person is None else person.report(decisions)
     if report is None:
         _LOG.info("%s", text)
     else:
@@ -260,8 +303,8 @@ def generate(
         negative_prompt=negative,
         environment=setting.name,
         seeds={
-            "body": seed,
-            "motion": seed,
+            "body": seed if person is not None and person.body is not None else None,
+            "motion": seed if person is not None and clip is None else None,
             "surroundings": seed if kind in ("furnished", "diffusion") else None,
             "speckle": seed,
             "noise": seed if noise or receiver is not None else None,
@@ -278,15 +321,18 @@ def generate(
 def _read(
     prompt: str,
     negative: str,
-    environment: str | None,
+    environment: Any,
     seed: int,
     distance: float | None,
     kind: str,
-    source: MotionSource,
+    source: MotionSource | Clip | None,
 ) -> tuple[ScenePrompt, EnvironmentPrompt | None]:
     """Contents of the prompt and of the arguments; words without effect are logged."""
     check_seed(seed)
-    said = read_prompt(prompt, negative, seed=seed, source=source)
+    if isinstance(source, (Motion, Path)):
+        said = read_clip_prompt(prompt, negative, seed, source)
+    else:
+        said = read_prompt(prompt, negative, seed=seed, source=source or "kinematic")
     if distance is not None and not (np.isfinite(distance) and distance > 0):
         raise ValueError(f"distance is {distance!r} m: a positive, finite distance is needed")
     if distance is not None and said.distance_m is None:
@@ -303,3 +349,7 @@ def _read(
     for sentence in said.warnings:
         _LOG.warning(sentence)
     return said, surroundings
+
+
+def _by_default(decision: Decision) -> Decision:
+    return replace(decision, origin=DEFAULT) if decision.name == "motion" else decision

@@ -71,8 +71,17 @@ def generate(
     environment_lora: Annotated[
         str | None, typer.Option(help="RF LoRA for that model: a file, folder or hub name.")
     ] = None,
-    radar: Annotated[str, typer.Option(help="A radar of `rfgen radars`, or the path of a TOML file.")] = "awr1843",
+    radar: Annotated[
+        str,
+        typer.Option(
+            help="A radar of `rfgen radars`, or the path of a file: a radar file (TOML), TI's .cfg, mmWave Studio's "
+            "JSON or Infineon's config.json."
+        ),
+    ] = "awr1843",
     preset: Annotated[str | None, typer.Option(help="Preset of that radar (default: set in its file).")] = None,
+    board: Annotated[
+        str | None, typer.Option(help="Board of a .cfg or JSON that names none: a radar of `rfgen radars` or its file.")
+    ] = None,
     duration: Annotated[float, typer.Option(help="Length of the recording [s].")] = 3.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of motion, body, noise and all open choices.")] = 0,
     output: Annotated[
