@@ -181,4 +181,4 @@ def _board_path(board: str | os.PathLike[str] | None, frames: BoardFrames, path:
     known = f"boards at {reach}: {', '.join(frames.boards())}"
     if not frames.boards():
         known = f"no shipped board reaches {reach}: name a radar file in TOML"
-    raise RadarConfigError(f"{path} {said}, which has the antennas: name it, board='…' (--board); {known}")
+    raise RadarConfigError(f"{path} {said}, and the antennas are the board's: name it, board='…' (--board); {known}")
