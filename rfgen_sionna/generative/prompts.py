@@ -30,6 +30,8 @@ __all__ = [
 
 DEFAULT_DISTANCE = 3.0
 """Default distance from the radar [m]."""
+CLIP = "clip: "
+"""Beginning of the action of a person who moves as a clip does; its name follows."""
 DECIDED = "decided:"
 """Heading of the decisions in a report."""
 _FACING = {0.0: ", facing the radar", 90.0: ", turned left", 180.0: ", back to the radar", 270.0: ", turned right"}
@@ -106,6 +108,8 @@ class ScenePrompt:
         """Decisions without a body: words, defaults and draws of the seed."""
         known = ACTIONS.get(self.action)
         action = f"{self.action}: {known.description if known else 'as captured people do it'}"
+        if self.action.startswith(CLIP):
+            action = self.action
         angle, bearing = self.orientation_deg or 0.0, self.bearing_deg or 0.0
         rows = [("target", f"a {self.target}"), ("action", action)]
         if self.arms:
@@ -209,8 +213,13 @@ def parse_prompt(
         understood, unread = _credited(said, reading)
     # a source that reads the sentence reads its hands, too
     by_source = reading is not None and bool(reading.sentence)
-    hand, origins["hand"], unused = (None, DEFAULT, ()) if by_source else _hand(said, denied, action, seed)
-    periodic = by_source or ACTIONS[action].periodic
+    by_clip = action.startswith(CLIP)
+    hand, origins["hand"], unused = (None, DEFAULT, ())
+    if by_clip:
+        unused = tuple(words for words, _ in said.hands)
+    elif not by_source:
+        hand, origins["hand"], unused = _hand(said, denied, action, seed)
+    periodic = by_source or (not by_clip and ACTIONS[action].periodic)
     orientation = _one("orientation", said.orientations, denied.orientations)
     if orientation is None and any(angle == 0.0 for _, angle in denied.orientations):
         # Facing the radar is the default: without it another orientation is drawn.

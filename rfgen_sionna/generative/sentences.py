@@ -22,6 +22,8 @@ from rfgen_sionna.generative.text_reader import AFTERWARDS, normalise, split_neg
 
 NEAREST = "the nearest that is known"
 """Origin of a replacement of an unknown action."""
+SOURCES = ("kinematic", "diffusion", "auto")
+"""Names of motion sources."""
 _SURE = 0.8
 """Least probability of a captured action that replaces an action of the grammar."""
 _PLAUSIBLE = 0.5
@@ -58,7 +60,7 @@ def motion_source(name: str) -> MotionSource:
         source = DiffusionSource()
         _ = source.model
         return source
-    raise ValueError(f"motion: {name!r}; allowed are 'kinematic', 'diffusion' and 'auto'")
+    raise ValueError(f"motion: {name!r}; allowed are 'kinematic', 'diffusion' and 'auto', or the path of a clip")
 
 
 def read_prompt(

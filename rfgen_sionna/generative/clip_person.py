@@ -1,0 +1,154 @@
+"""People of a prompt who move as a clip does: the prompt has body, place and surroundings, the clip the motion."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from os import PathLike, sep
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rfgen_sionna.generative.actor import Actor, prompt_decisions
+from rfgen_sionna.generative.bodies import Phenotype, describe
+from rfgen_sionna.generative.decisions import Decision, argument
+from rfgen_sionna.generative.phrases import read_wanted
+from rfgen_sionna.generative.prompts import (
+    CLIP,
+    DEFAULT_DISTANCE,
+    PromptError,
+    ScenePrompt,
+    SourceReading,
+    parse_prompt,
+)
+from rfgen_sionna.generative.radar_placement import place_before_radar
+from rfgen_sionna.generative.sentences import SOURCES
+from rfgen_sionna.generative.text_reader import split_negative
+from rfgen_sionna.records import Motion
+
+if TYPE_CHECKING:
+    from rfgen_sionna.radar import Radar
+
+_LOG = logging.getLogger(__name__)
+
+Clip = Motion | Path
+"""A motion, or the file or folder of one."""
+
+
+def chosen_clip(motion: Any, up: str | None = None, frame_rate: float | None = None) -> Clip | None:
+    """Clip of an argument `motion`; None for the name of a motion source.
+
+    A text with an ending or a separator, or of an existing file, is a path.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no file or folder at the path.
+    TypeError
+        If `motion` is neither a text, a path nor a motion.
+    ValueError
+        If `up` or `frame_rate` comes without a clip in a file.
+    """
+    if not isinstance(motion, (str, PathLike, Motion)):
+        raise TypeError(f"motion is {motion!r}: {', '.join(map(repr, SOURCES))}, the path of a clip or a Motion needed")
+    clip: Clip | None = None
+    if isinstance(motion, Motion):
+        clip = motion
+    elif not isinstance(motion, str) or _is_path(motion):
+        clip = Path(motion)
+        if not clip.exists():
+            raise FileNotFoundError(f"motion: there is no file or folder '{clip}'")
+    for name, value in (("up", up), ("frame_rate", frame_rate)):
+        if value is not None and not isinstance(clip, Path):
+            raise ValueError(f"{name} is {value!r}, which belongs to a clip in a file, but motion is {_name(motion)}")
+    return clip
+
+
+def _is_path(text: str) -> bool:
+    return text not in SOURCES and (bool(Path(text).suffix) or sep in text or "/" in text or Path(text).exists())
+
+
+def _name(motion: Any) -> str:
+    return "a Motion" if isinstance(motion, Motion) else repr(motion)
+
+
+def clip_name(clip: Clip) -> str:
+    """Name of a clip in labels and files."""
+    return (clip.action or "motion") if isinstance(clip, Motion) else (clip.stem or clip.name)
+
+
+def read_clip_prompt(prompt: str, negative: str, seed: int, clip: Clip) -> ScenePrompt:
+    """Interpret a prompt whose person moves as `clip` does; actions of the prompt have no effect, with a warning.
+
+    Raises
+    ------
+    PromptError
+        As :func:`~rfgen_sionna.generative.prompts.parse_prompt`, and for a speed, which a clip has itself.
+    """
+    name = clip_name(clip)
+    said = parse_prompt(prompt, negative, seed=seed, reading=SourceReading(f"{CLIP}{name}", argument("motion")))
+    read = read_wanted(split_negative(prompt)[0])
+    if said.speed is not None:
+        words = ", ".join(repr(words) for words, _ in read.speeds)
+        raise PromptError(
+            f"speed: the prompt says {words}, but motion is the clip '{name}', which has its own: leave the words out"
+        )
+    actions = {words for words, _ in (*read.actions, *read.hands)}
+    notes = tuple(
+        f"prompt: {words!r} has no effect: motion is the clip '{name}'" for words in said.unused if words in actions
+    )
+    return replace(said, notes=notes, unused=tuple(words for words in said.unused if words not in actions))
+
+
+def person_with_clip(
+    said: ScenePrompt,
+    clip: Clip,
+    *,
+    seed: int,
+    radar: Radar,
+    floor: float,
+    up: str | None = None,
+    frame_rate: float | None = None,
+) -> Actor:
+    """Person of a prompt (:func:`read_clip_prompt`) with the motion of `clip`; its origin is at the prompt's distance.
+
+    Raises
+    ------
+    PromptError
+        If the prompt describes a body, and the clip is a mesh with its own.
+    ValueError, OSError
+        As :meth:`~rfgen_sionna.generative.actor.Actor.from_motion`.
+    """
+    words = said.body
+    described = Phenotype(words.gender, words.age_years, words.height_m, words.weight_kg, words.muscle)
+    distance = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
+    place, yaw = place_before_radar(radar, distance, said.bearing_deg or 0.0)
+    options: dict[str, Any] = {
+        "seed": seed,
+        "position": (*place, floor),
+        "orientation": (yaw + float(np.radians(said.orientation_deg or 0.0)), 0.0, 0.0),
+    }
+    options |= {name: value for name, value in (("up", up), ("frame_rate", frame_rate)) if value is not None}
+    try:
+        person = Actor.from_motion(clip, body=None if described == Phenotype() else described, **options)
+    except ValueError as error:
+        if described == Phenotype() or not str(error).startswith("body:"):
+            raise
+        size = [name for name in ("height", "weight", "muscle") if words.traits()[name] is not None]
+        if size:
+            raise PromptError(
+                f"prompt: {said.text!r} gives the person's {' and '.join(size)}, but the clip '{clip_name(clip)}' is a "
+                "body of its own: leave the words out"
+            ) from error
+        _LOG.warning("prompt: gender and age have no effect: the clip '%s' is a body of its own", clip_name(clip))
+        person = Actor.from_motion(clip, **options)
+    if person.body is None:
+        decisions = [each for each in said.decisions() if each.name not in words.traits()]  # the mesh has its own
+    else:
+        decisions = prompt_decisions(
+            said, seed, describe(person.body), dict.fromkeys(("position", "orientation", "body"))
+        )
+    origin = Decision("motion", str(clip) if isinstance(clip, Path) else clip_name(clip), argument("motion"))
+    decisions = [each for each in decisions if each.name != "speed"]
+    return replace(person, prompt=said, decisions=(*decisions, origin))
