@@ -9,6 +9,7 @@ from rfgen_sionna.processing import Calibration, estimate_calibration, point_clo
 from rfgen_sionna.processing.spectrum import observation_time
 from rfgen_sionna.radar import Adc
 from rfgen_sionna.radar.slots import doppler_slot
+from rfgen_sionna.signal import Mismatch, RangeBias, Receiver, receive
 
 BIAS = 0.067
 C = 299_792_458.0
@@ -145,3 +146,22 @@ def test_what_is_no_reflector_at_rest_is_refused(synthesise, mmmesh):
         estimate_calibration(noise, mmmesh, (20.0, 0, 0))
     with pytest.raises(ValueError, match=r"gains have shape \(2, 2\)"):
         Calibration(np.ones((2, 2)), mmmesh.tx_names, mmmesh.rx_names)
+
+
+def test_it_mends_what_the_receiver_of_a_simulation_does(synthesise, mmmesh):
+    """Chains of Tx and Rx, cables, thermal noise and words of the ADC."""
+    receiver = Receiver(mismatch=Mismatch(gain_spread_db=2.0, phase_spread_deg=60.0), range_bias=RangeBias(BIAS))
+
+    def taken(targets, frame):
+        return receive(synthesise(mmmesh, targets)[0].astype(complex), mmmesh, receiver, seed=5, frame=frame).samples
+
+    reflector = np.array([2.0, 0.2, 0.1])
+    look = np.stack([taken([(reflector, (0, 0, 0), 1e-5)], frame) for frame in range(2)])
+    calibration = estimate_calibration(look, mmmesh, reflector)
+    assert calibration.range_bias == pytest.approx(BIAS, abs=0.01 * mmmesh.range_resolution)
+    tx, rx = receiver.mismatch.factors(mmmesh, 5)
+    ratio = calibration.gains / np.outer(tx, rx)
+    np.testing.assert_allclose(ratio / ratio[0, 0], 1.0, atol=0.01)
+    where = np.array([4.0, -1.5, 0.6])
+    cloud = point_cloud(calibration.apply(taken([(where, (0, 0, 0), 1e-5)], 2), mmmesh), mmmesh, static=True)
+    np.testing.assert_allclose(cloud.device[0], where, atol=0.2 * mmmesh.range_resolution)
