@@ -142,7 +142,8 @@ class Capture(ShortRepr):
                 lost.append(loss)
             if loss is None or not skip_lost:
                 kept.append(frame)
-        silent = self.scale is not None and len(lost) == len(chosen) and all(loss.share == 1.0 for loss in lost)
+        ours = any(file.name.endswith((".rfgen", ".rfgen.json")) and file.is_file() for file in self.configs)
+        silent = ours and len(lost) == len(chosen) and all(loss.share == 1.0 for loss in lost)
         if silent:  # a simulation of nothing
             lost, kept = [], list(chosen)
         if lost and not kept:

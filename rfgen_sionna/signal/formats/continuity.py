@@ -27,7 +27,8 @@ _MOST_PACKETS = 64  # of one break
 def find_breaks(stream: ByteStream, loop_size: int, missing: int) -> list[tuple[int, int]] | None:
     """Place [bytes, of the complete recording] and number of packets of each break, `missing` packets at most.
 
-    None: successive loops differ as noise does, and show nothing. An empty list: no break, the end is missing.
+    None: successive loops differ as noise does, and show nothing. An empty list: no break, so that the end is missing,
+    or the start.
     """
     words = loop_size // 2
     total = stream.size // loop_size
@@ -47,15 +48,24 @@ def find_breaks(stream: ByteStream, loop_size: int, missing: int) -> list[tuple[
     found: list[tuple[int, int]] = []
     loop, lost, left, before = 1, 0, missing, first[0]
     older: NDArray[np.float32] | None = None  # the loop before `before`, where it is whole
+    threshold = _BREAK * max(usual, _ROUNDING)
+    if np.mean((first[1] - first[0]) ** 2) > threshold:
+        # A break in the first two loops: later ones are shifted, but agree with each other.
+        grid = range(0, 2 * words, PACKET // 2)
+        place, packets = _best_break(span, 0, 0, lambda packets: span(2, packets * PACKET, 1), grid, left)
+        if packets:
+            found, lost, left = [(2 * place, packets)], packets * PACKET, left - packets
+            loop = -(-(2 * place + lost) // loop_size)
+            loop, before = loop + 1, span(loop, lost, 1)
     while left and (loop + 1) * loop_size - lost <= stream.size:
         now = span(loop, lost, 1)
-        if np.mean((now - before) ** 2) <= _BREAK * max(usual, _ROUNDING):
+        if np.mean((now - before) ** 2) <= threshold:
             loop, older, before = loop + 1, before, now
             continue
         # A break near the end of a loop shows only in the next one.
         base, model = (loop, before) if older is None else (loop - 1, older)
         places = range(-base * loop_size % PACKET // 2, (loop - base + 1) * words, PACKET // 2)
-        place, packets = _best_break(span, base, lost, model, places, min(left, _MOST_PACKETS))
+        place, packets = _best_break(span, base, lost, lambda _, model=model: model, places, left)
         if not packets:
             loop, older, before = loop + 1, before, now  # something moved
             continue
@@ -70,20 +80,22 @@ def _best_break(
     span: Callable[[int, int, int], NDArray[np.float32]],
     loop: int,
     lost: int,
-    model: NDArray[np.float32],
+    model: Callable[[int], NDArray[np.float32]],
     places: range,
     most: int,
 ) -> tuple[int, int]:
     """Place [words after the start of `loop`] and packets of the break that leaves the least difference to `model`,
-    a loop before it; (0, 0) if none explains half of it."""
+    the loop as it is where so many packets are missing; (0, 0) if none explains half of it."""
     best, plain = (np.inf, 0, 0), np.inf
-    for packets in range(1, most + 1):
-        loops = 3 + -(-packets * PACKET // (2 * len(model)))
-        tiled = np.tile(model, loops)
+    for packets in range(1, min(most, _MOST_PACKETS) + 1):
+        words = len(model(packets))
+        loops = 3 + -(-packets * PACKET // (2 * words))
         kept, moved = span(loop, lost, loops), span(loop, lost + packets * PACKET, loops)
+        if packets == 1:
+            plain = float(np.mean((kept - np.tile(model(0), loops)[: len(kept)]) ** 2))
+        tiled = np.tile(model(packets), loops)
         unbroken = (kept - tiled[: len(kept)]) ** 2
         broken = (moved - tiled[: len(moved)]) ** 2
-        plain = min(plain, float(np.mean(unbroken)))
         heads = np.concatenate([[0.0], np.cumsum(unbroken, dtype=np.float64)])
         tails = np.concatenate([np.cumsum(broken[::-1], dtype=np.float64)[::-1], [0.0]])
         for place in places:

@@ -144,7 +144,10 @@ def complete_stream(
         if breaks is None:
             note += "successive loops differ as noise does and do not show where; frames after the gap are out of step"
         elif not breaks:
-            note += "successive loops show no break, so the end of the recording is missing"
+            note += (
+                "successive loops show no break: the end of the recording is missing, or the start, and then frames "
+                "are out of step"
+            )
         else:
             for position, count in breaks:
                 filled = filled.with_gap(position, count * PACKET)

@@ -44,7 +44,8 @@ def header_size(path: Path) -> int:
             continue
         step = size + (first.length if size == _LONG else PACKET)
         if len(content) >= step + size:
-            if _follows(first, _header(content, step, size)):
+            second = _header(content, step, size)
+            if first.sequence != second.sequence and _follows(first, second):
                 return size
         elif first.sequence == 1 and first.before == 0 and len(content) <= step:
             return size
@@ -94,7 +95,7 @@ def _header(content: NDArray[np.uint8], at: int, size: int) -> _Packet:
 def _follows(packet: _Packet, other: _Packet) -> bool:
     """Whether numbers and byte counts of two packets, in any order, agree with full packets between them."""
     steps = other.sequence - packet.sequence
-    return steps != 0 and abs(steps) < _MOST_SKIPPED and other.before - packet.before == steps * PACKET
+    return abs(steps) < _MOST_SKIPPED and other.before - packet.before == steps * PACKET
 
 
 def _packets(path: Path, size: int) -> Iterator[_Packet]:
@@ -104,7 +105,7 @@ def _packets(path: Path, size: int) -> Iterator[_Packet]:
         packet = _header(content, at, size)
         after = packet.offset + packet.length
         if size == _SHORT and not (
-            after == end or (after + size <= end and _follows(packet, _header(content, after, size)))
+            0 <= end - after < size or (after + size <= end and _follows(packet, _header(content, after, size)))
         ):
             after = _next(content, packet, size)
         if after > end or (size == _LONG and not 0 < packet.length <= PACKET):

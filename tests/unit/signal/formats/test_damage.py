@@ -58,7 +58,7 @@ def test_a_truncated_file_says_how_much_is_missing_and_gives_what_is_whole(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", CaptureWarning)
             if name == "cascade":  # the other three devices are whole
-                assert read_capture(folder, partial=True).data.shape == (3, *cube.data.shape[1:3], 12, 4)
+                assert read_capture(folder, partial=True).data.shape == (3, *cube.data.shape[1:3], 12, 8)
                 return
             with pytest.raises(CaptureFormatError):
                 read_capture(folder, partial=True)
@@ -189,11 +189,11 @@ def test_an_index_that_was_cut_or_lost_leaves_the_data_readable(
 def test_frames_after_a_damaged_one_keep_their_times(tmp_path: Path) -> None:
     """Three files of two frames each; of the second pair slave 3 has lost the second frame."""
     cube = lsb_cube(cascade(), 6, 1000)
-    size = 4 * 2 * 12 * 4 * 4
+    size = 4 * 2 * 12 * 8 * 4
     write_capture(cube, tmp_path, "cascade", max_file_size=2 * size)
     data = tmp_path / "slave3_0001_data.bin"
     data.write_bytes(data.read_bytes()[:-1])
-    with pytest.raises(CaptureFormatError, match=r"slave3_0001.*1 of its 1,536 bytes are missing"):
+    with pytest.raises(CaptureFormatError, match=r"slave3_0001.*1 of its 3,072 bytes are missing"):
         read_capture(tmp_path)
     part = read_in_part(tmp_path, "slave3 5")
     whole = [0, 1, 2, 4, 5]
