@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
 
 from rfgen_sionna.cli.console import check_pictures, draw, out, progress, report_written, warn
+
+if TYPE_CHECKING:
+    from rfgen_sionna.scene.mesh_actor import MeshActor
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -20,6 +23,8 @@ rfgen generate "a tall man walks back and forth at 3 m" --preset mmmesh --durati
 rfgen generate "someone raises an arm" --negative "left arm" --environment "free space"
 
 rfgen generate "a person walks while raising the left arm, 5 m away" --motion diffusion --environment "free space"
+
+rfgen generate "a tall woman, 3 m away" --motion walk.bvh --actor "chair.glb wood 2,1,0"
 
 rfgen generate "action: push, distance: 1 m" --environment "floor wall" --radar-position=-1.5,0,1.2 --look-at 0,0,1.2
 
@@ -36,7 +41,14 @@ report gives the origin of every value: prompt, argument, default or seed."""
 def generate(
     prompt: Annotated[
         str, typer.Argument(help="A person and an action, as a sentence or keywords.", show_default=False)
-    ],
+    ] = "",
+    actor: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="'FILE MATERIAL X,Y,Z'",
+            help='A further object at rest, a mesh file: "chair.glb wood 2,1,0"; may be given several times.',
+        ),
+    ] = None,
     negative: Annotated[str, typer.Option(help='Unwanted choices: "left arm", "facing away", "child".')] = "",
     environment: Annotated[
         str | None,
@@ -82,7 +94,9 @@ def generate(
     board: Annotated[
         str | None, typer.Option(help="Board of a .cfg or JSON that names none: a radar of `rfgen radars` or its file.")
     ] = None,
-    duration: Annotated[float, typer.Option(help="Length of the recording [s].")] = 3.0,
+    duration: Annotated[
+        float | None, typer.Option(help="Length of the recording [s] (default: 3, or that of the clip).")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of motion, body, noise and all open choices.")] = 0,
     output: Annotated[
         Path | None, typer.Option(help="HDF5 file to write (default: name of the action).", dir_okay=False)
@@ -129,8 +143,14 @@ def generate(
         bool, typer.Option("--transmission", help="Paths through walls, glass and furniture; takes longer.")
     ] = False,
     motion: Annotated[
-        str, typer.Option(help='Source of the motion: "diffusion" (learned), "kinematic" (rules) or "auto".')
+        str,
+        typer.Option(
+            help='Source of the motion: "diffusion" (learned), "kinematic" (rules) or "auto"; or the path of a clip '
+            "(AMASS, SMPL, BVH, GLB, folder of meshes …), which replaces the action of the prompt."
+        ),
     ] = "auto",
+    up: Annotated[str | None, typer.Option(help="Up axis of the clip.")] = None,
+    frame_rate: Annotated[float | None, typer.Option(help="Frames per second of the clip [Hz].")] = None,
     collisions: Annotated[
         str, typer.Option(help='Reaction to a person in walls or furniture: "error", "warn" or "ignore".')
     ] = "error",
@@ -144,12 +164,13 @@ def generate(
 ) -> None:
     """Simulate a prompt: radar data, PIR images, meshes and labels in one HDF5 file."""
     options: dict[str, Any] = dict(locals())
-    for name in ("surroundings", "no_environment", "strength", "pictures"):
+    for name in ("surroundings", "no_environment", "strength", "pictures", "actor"):
         del options[name]
     from rfgen_sionna.dataset import check_output
+    from rfgen_sionna.generative.clip_person import chosen_clip, read_clip_prompt
     from rfgen_sionna.generative.environment_prompt import with_source
     from rfgen_sionna.generative.sentences import read_prompt
-    from rfgen_sionna.options import check_options
+    from rfgen_sionna.options import check_options, default_output
     from rfgen_sionna.pipeline import generate as run
 
     if surroundings is not None:
@@ -169,9 +190,16 @@ def generate(
         _point("--look-at", look_at),
     )
     check_options(**{name: options[name] for name in signature(check_options).parameters})  # before the slow imports
-    read = read_prompt(prompt, negative, seed=seed, source=motion)
-    target = options["output"] = output if output is not None else Path(f"{read.action}.h5")
-    out.print(escape(read.words()), soft_wrap=True)
+    clip, options["actors"] = chosen_clip(motion, up, frame_rate), [_actor(text) for text in actor or ()]
+    if clip is not None:
+        read = read_clip_prompt(prompt, negative, seed, clip)
+    elif prompt or not actor:
+        read = read_prompt(prompt, negative, seed=seed, source=motion)
+    else:
+        read = None
+    target = options["output"] = output if output is not None else Path(default_output(read))
+    if read is not None:
+        out.print(escape(read.words()), soft_wrap=True)
     check_output(target, overwrite)
     if pictures:
         check_pictures(target, overwrite)
@@ -188,6 +216,18 @@ def _print_decisions(report: str) -> None:
 
     _, heading, decisions = report.partition(DECIDED)
     out.print(escape(heading + decisions), soft_wrap=True)
+
+
+def _actor(text: str) -> MeshActor:
+    """Object at rest of an option `--actor`."""
+    from rfgen_sionna.generative.actor import Actor
+
+    parts = text.rsplit(maxsplit=2)
+    if len(parts) < 3:
+        raise ValueError(f"--actor: {text!r} is not 'FILE MATERIAL X,Y,Z', such as 'chair.glb wood 2,1,0'")
+    file, material, place = parts
+    position = _point("--actor", place)
+    return Actor.from_mesh(file, material=material, position=position or (0.0, 0.0, 0.0))
 
 
 def _point(option: str, text: str | None) -> tuple[float, float, float] | None:
