@@ -96,7 +96,8 @@ def displacement(
     frames = len(array)
     if frames < 8:
         raise ValueError(f"cube has {frames} frames: at least 8 are needed to follow a phase")
-    times = np.arange(frames) * radar.waveform.frame_period if frame_times is None else np.asarray(frame_times, float)
+    given = np.arange(frames) * radar.waveform.frame_period if frame_times is None else frame_times
+    times = np.asarray(given, dtype=np.float64)
     if times.shape != (frames,):
         raise ValueError(f"frame_times has shape {times.shape}: a time [s] for each of {frames} frames is needed")
     bins = _PADDING * array.shape[-1]
