@@ -22,6 +22,8 @@ _DEVICES = (
 def board_file(name: str) -> Path:
     """Path of a shipped board's file, by its name in any case, with or without the vendor's suffix (BOOST, EVM).
 
+    "xwr1843" is the AWR1843 or IWR1843, whichever is there alone.
+
     Raises
     ------
     UnknownResourceError
@@ -30,11 +32,12 @@ def board_file(name: str) -> Path:
     names = available("radars")
     if name in names:
         return resolve("radars", name)
-    plain = _plain(name)
-    for same in (plain, _NEUTRAL.sub("", plain)):
-        found = [known for known in names if same in (_plain(known), _NEUTRAL.sub("", _plain(known)))]
-        if len(found) == 1:
-            return resolve("radars", found[0])
+    wanted, plain = _shortened(name), _plain(name)
+    found = [known for known in names if _shortened(known) == wanted]
+    if wanted.startswith("xwr"):
+        found = [known for known in names if re.sub("^[ai]wr", "xwr", _shortened(known)) == wanted]
+    if len(found) == 1:
+        return resolve("radars", found[0])
     band = next((band for pattern, band in _DEVICES if pattern.search(plain)), None)
     near = boards_for(band, part=True) if band else ()
     close = get_close_matches(plain, near or names, n=1)
@@ -84,3 +87,7 @@ def boards_for(
 
 def _plain(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", name.lower())
+
+
+def _shortened(name: str) -> str:
+    return _NEUTRAL.sub("", _plain(name))

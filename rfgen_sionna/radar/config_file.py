@@ -175,7 +175,7 @@ def _board_path(board: str | os.PathLike[str] | None, frames: BoardFrames, path:
             return board_file(frames.board)
         except UnknownResourceError:
             pass
-    said = "gives no board" if frames.board is None else f"gives the device '{frames.board}', not its board"
+    said = "gives no board" if frames.board is None else f"gives the device '{frames.board}'"
     low, high = frames.band
     reach = f"{low / 1e9:.4g} … {high / 1e9:.4g} GHz with TX{max(frames.transmitters)} and RX{max(frames.receivers)}"
     known = f"boards at {reach}: {', '.join(frames.boards())}"
