@@ -9,7 +9,7 @@ import sys
 import threading
 import warnings
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from rich.markup import escape
@@ -23,6 +23,9 @@ from rfgen_sionna.cli.console import out as _out
 from rfgen_sionna.cli.generate import EPILOG, generate
 from rfgen_sionna.cli.motions import EPILOG as MOTIONS_EPILOG
 from rfgen_sionna.cli.motions import motions
+
+if TYPE_CHECKING:
+    from rfgen_sionna.dataset import Run
 
 app = typer.Typer(
     name="rfgen",
@@ -103,6 +106,7 @@ def export(
         str, typer.Option("--format", help="dca1000, cascade, position2go, rfgenesis or matlab.", show_default=False)
     ],
     output: Annotated[Path, typer.Option(help="File or folder to write, by format.", show_default=False)],
+    radar: Annotated[str | None, typer.Option(help="Name of the radar, in a file of several.")] = None,
     scale: Annotated[
         str, typer.Option(help='"auto", a number in √W per LSB, or the full scale as a power, such as -20dBm.')
     ] = "auto",
@@ -114,7 +118,8 @@ def export(
     from rfgen_sionna.signal.formats import write_capture
 
     options = _scale(scale)
-    with open_run(file) as run, _out.status("exporting"):
+    with open_run(file) as whole, _out.status("exporting"):
+        run = _one_radar(whole, radar)
         # lazily: one frame at a time is read and written
         cube = AdcCube(run.adc, run.radar, run.frame_times, run.seeds.get("noise"))
         report = write_capture(cube, output, format, overwrite=overwrite, **options)
@@ -126,6 +131,16 @@ def export(
 
 app.command(epilog=MOTIONS_EPILOG)(motions)
 app.command(epilog=BENCH_EPILOG)(bench)
+
+
+def _one_radar(run: Run, name: str | None) -> Run:
+    """Run of the radar `name`, or of the only one."""
+    if name is None and len(run.radars) == 1:
+        return next(iter(run.radars.values()))
+    if name not in run.radars:
+        given = "is not given" if name is None else f"is {name!r}"
+        raise ValueError(f"--radar {given}; '{run.path}' has {', '.join(map(repr, run.radars))}: name one of them")
+    return run[name]
 
 
 def _scale(text: str) -> dict[str, Any]:

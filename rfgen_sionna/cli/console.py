@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
 
 from rfgen_sionna.progress_bar import progress_bar
+
+if TYPE_CHECKING:
+    from rfgen_sionna.dataset import Run
 
 out = Console()
 err = Console(stderr=True)
@@ -17,6 +21,16 @@ err = Console(stderr=True)
 
 def draw(file: Path, overwrite: bool, keep: bool = False) -> None:
     """Draw sheet and film; `keep` keeps existing files instead of an error."""
+    from rfgen_sionna.dataset import open_run
+
+    with open_run(file) as run:
+        for name, each in run.radars.items():
+            stem = file.stem if each is run else f"{file.stem}-{name.replace(' ', '-')}"
+            _draw_run(each, file.with_stem(stem), overwrite, keep)
+
+
+def _draw_run(run: Run, file: Path, overwrite: bool, keep: bool) -> None:
+    """Draw sheet and film of one radar's run, with the name of `file`."""
     from rfgen_sionna.show import NoPictureError, animation, sheet
 
     try:
@@ -26,11 +40,11 @@ def draw(file: Path, overwrite: bool, keep: bool = False) -> None:
                 out.print(f"{escape(str(target))} exists and is kept; --overwrite draws it again", soft_wrap=True)
             elif suffix == ".png":
                 with out.status("drawing"):
-                    sheet(file, target, overwrite=overwrite)
+                    sheet(run, target, overwrite=overwrite)
                 report_written(target)
             else:
                 with progress("film") as step:
-                    animation(file, target, overwrite=overwrite, progress=step)
+                    animation(run, target, overwrite=overwrite, progress=step)
                 report_written(target)
     except NoPictureError as reason:  # the data are complete without pictures
         warn(str(reason), UserWarning)

@@ -83,7 +83,7 @@ class Run(ShortRepr):
         radar = self.radar
         yield f"{len(self)} frames"
         yield time_span(self.frame_times)
-        yield f"radar {self._radar_name or radar.name!r} ({radar.preset})"
+        yield f"radar {self.name!r} ({radar.preset})"
         yield radar.cell_text
         yield f"actors {name_list(self.actors)}" if self.actors else "no actors"
         yield short_value(self.prompt) if self.prompt else ""
@@ -112,10 +112,15 @@ class Run(ShortRepr):
         return self._file.path
 
     @property
+    def name(self) -> str:
+        """Name of the radar in the file."""
+        return self._radar_name or self.radar.name
+
+    @property
     def radars(self) -> Mapping[str, Run]:
         """Runs by the names of their radars, in the order of the file; of one radar this run itself."""
         names = () if self._radar_name else self._file.radar_names
-        return {name: Run(self._file, name) for name in names} or {self._radar_name or self.radar.name: self}
+        return {name: Run(self._file, name) for name in names} or {self.name: self}
 
     def __getitem__(self, radar: str) -> Run:
         """Run of the radar of that name."""

@@ -29,37 +29,41 @@ def radar_line(run: Run) -> str:
 
 
 def summary(run: Run | str | os.PathLike[str]) -> str:
-    """Summary of a run, open or given by its path: contents, sizes and seeds, a few lines of plain text."""
+    """Summary of a run, open or given by its path: contents, sizes and seeds, a few lines of plain text a radar."""
     with opened(run) as source:
-        radar, times = source.radar, source.frame_times
-        seeds = ", ".join(f"{name} {'-' if seed is None else seed}" for name, seed in source.seeds.items())
-        step = f", one each {np.median(np.diff(times)) * 1e3:g} ms" if len(times) > 1 else ""
-        shape = " × ".join(map(str, source.adc.shape))
-        place = ", ".join(f"{x:g}" for x in radar.position)
-        angles = ", ".join(f"{x + 0:.1f}" for x in np.degrees(radar.orientation).round(1))
-        limits = f"reaches {radar.max_range:.2f} m and ±{radar.max_velocity:.2f} m/s"
-        rows = [
-            ("file", f"{source.path} ({source.path.stat().st_size / 1e6:.1f} MB), written {source.created}"),
-            ("prompt", source.prompt or "-"),
-            ("negative", source.negative_prompt or "-"),
-            ("environment", source.environment or "-"),
-            ("radar", radar_line(source)),
-            ("", f"at ({place}) m, yaw/pitch/roll ({angles})°, {limits}"),
-            ("ADC cube", f"{shape} (frame, chirp, tx, rx, sample) {source.adc.dtype}, {len(source)} frames{step}"),
-            ("PIR", _pir_line(source)),
-        ]
-        for actor in source.actors.values():
-            counts = f"{len(actor.vertices(0))} vertices, {len(actor.faces)} faces, {len(actor.part_names)} parts"
-            skeleton = f", {len(actor.joint_names)} joints" if actor.joint_names else ""
-            rows.append(("actor", f"{actor.name}: {actor.material}, {counts}{skeleton}"))
-        for name, label in source.labels.items():
-            unit = f" [{label.units}]" if label.units not in ("", "1") else ""
-            rows.append(("label", f"{name} ({', '.join(label.dims)}){unit} {_span(label.values)}"))
-        rows += [
-            ("seeds", seeds or "-"),
-            ("software", ", ".join(f"{name} {version}" for name, version in source.software.items())),
-        ]
-        report = f"\n\n{source.report}" if source.report else ""
+        return "\n\n".join(map(_summary, source.radars.values()))
+
+
+def _summary(source: Run) -> str:
+    radar, times = source.radar, source.frame_times
+    seeds = ", ".join(f"{name} {'-' if seed is None else seed}" for name, seed in source.seeds.items())
+    step = f", one each {np.median(np.diff(times)) * 1e3:g} ms" if len(times) > 1 else ""
+    shape = " × ".join(map(str, source.adc.shape))
+    place = ", ".join(f"{x:g}" for x in radar.position)
+    angles = ", ".join(f"{x + 0:.1f}" for x in np.degrees(radar.orientation).round(1))
+    limits = f"reaches {radar.max_range:.2f} m and ±{radar.max_velocity:.2f} m/s"
+    rows = [
+        ("file", f"{source.path} ({source.path.stat().st_size / 1e6:.1f} MB), written {source.created}"),
+        ("prompt", source.prompt or "-"),
+        ("negative", source.negative_prompt or "-"),
+        ("environment", source.environment or "-"),
+        ("radar", f"{'' if source.name == radar.name else f'{source.name}: '}{radar_line(source)}"),
+        ("", f"at ({place}) m, yaw/pitch/roll ({angles})°, {limits}"),
+        ("ADC cube", f"{shape} (frame, chirp, tx, rx, sample) {source.adc.dtype}, {len(source)} frames{step}"),
+        ("PIR", _pir_line(source)),
+    ]
+    for actor in source.actors.values():
+        counts = f"{len(actor.vertices(0))} vertices, {len(actor.faces)} faces, {len(actor.part_names)} parts"
+        skeleton = f", {len(actor.joint_names)} joints" if actor.joint_names else ""
+        rows.append(("actor", f"{actor.name}: {actor.material}, {counts}{skeleton}"))
+    for name, label in source.labels.items():
+        unit = f" [{label.units}]" if label.units not in ("", "1") else ""
+        rows.append(("label", f"{name} ({', '.join(label.dims)}){unit} {_span(label.values)}"))
+    rows += [
+        ("seeds", seeds or "-"),
+        ("software", ", ".join(f"{name} {version}" for name, version in source.software.items())),
+    ]
+    report = f"\n\n{source.report}" if source.report else ""
     return "\n".join(f"{name:<12} {text}".rstrip() for name, text in rows) + report
 
 
