@@ -74,19 +74,21 @@ def _path(radar: str | os.PathLike[str]) -> Path | None:
     if not isinstance(radar, (str, os.PathLike)) or not str(radar):
         raise RadarConfigError(f"radar is {radar!r}: {ACCEPTED}, or one of {', '.join(available('radars'))} is needed")
     path = Path(radar)
-    named = isinstance(radar, str) and len(path.parts) == 1 and not re.search(r"\.\w+$", radar)
-    if named:
-        try:
-            board_file(radar)
-        except UnknownResourceError:
-            named = not path.is_file()
-    if named:
+    if isinstance(radar, str) and len(path.parts) == 1 and not path.suffix and (_is_board(radar) or not path.is_file()):
         return None
     if path.is_dir():
         raise RadarConfigError(f"radar file {path} is a folder: {ACCEPTED} is needed")
     if not path.is_file():
         raise RadarConfigError(f"radar file {path} does not exist; shipped radars: {', '.join(available('radars'))}")
     return path
+
+
+def _is_board(name: str) -> bool:
+    try:
+        board_file(name)
+    except UnknownResourceError:
+        return False
+    return True
 
 
 def _text(path: Path) -> str:

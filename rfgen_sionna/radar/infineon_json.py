@@ -53,11 +53,11 @@ def read_infineon(record: Mapping[str, Any], where: str) -> BoardFrames:
 
 
 def _single_shape(shape: Mapping[str, Any]) -> BoardFrames:
-    ends = [
+    start, end = (
         next((shape[key] for key in keys if key in shape), None)
         for keys in (("start_frequency_Hz", "lower_frequency_Hz"), ("end_frequency_Hz", "upper_frequency_Hz"))
-    ]
-    if None in ends:
+    )
+    if start is None or end is None:
         raise KeyError("start_frequency_Hz and end_frequency_Hz")
     transmitters = _listed(shape, "tx")
     mimo = str(shape.get("mimo_mode", "off")).lower()
@@ -65,7 +65,9 @@ def _single_shape(shape: Mapping[str, Any]) -> BoardFrames:
         raise ValueError(f"mimo_mode is '{mimo}'; 'off' or 'tdm' is supported")
     if mimo == "off" and len(transmitters) != 1:
         raise ValueError(f"tx_antennas is {transmitters} with mimo_mode 'off'; one Tx is needed")
-    profile = _profile(*ends, shape["sample_rate_Hz"], shape["num_samples_per_chirp"], shape["chirp_repetition_time_s"])
+    profile = _profile(
+        start, end, shape["sample_rate_Hz"], shape["num_samples_per_chirp"], shape["chirp_repetition_time_s"]
+    )
     chirps = [TiChirp(0, {tx: 0.0}) for tx in transmitters]
     _check_power(shape)
     loops = _whole("num_chirps_per_frame", shape["num_chirps_per_frame"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,9 +19,14 @@ _ROUNDING = 1e-9
 """Relative difference by which a band may exceed the device's."""
 
 
-def checked_band(name: str, band: Sequence[float], waveform: Waveform) -> tuple[float, float]:
+def checked_band(name: str, band: Any, waveform: Waveform) -> tuple[float, float]:
     """`band` [Hz] of the device `name`, checked to hold the frequencies in the ADC windows (else ValueError)."""
-    if isinstance(band, str) or len(band) != 2 or not all(map(is_number, band)) or not 0 < band[0] < band[1]:
+    if (
+        not isinstance(band, (tuple, list))
+        or len(band) != 2
+        or not all(map(is_number, band))
+        or not 0 < band[0] < band[1]
+    ):
         raise ValueError(f"radar.frequency_range is {band!r}: two frequencies [Hz], the lower one first, are needed")
     low, high = (float(limit) for limit in band)
     for index, profile in enumerate(waveform.profiles):
@@ -56,7 +62,7 @@ def checked_elements(end: str, positions: ArrayLike, names: Sequence[str]) -> Fl
     return array
 
 
-def checked_phases(end: str, phases: Sequence[float], names: Sequence[str]) -> tuple[float, ...]:
+def checked_phases(end: str, phases: Any, names: Sequence[str]) -> tuple[float, ...]:
     """`phases` [degrees] of the named "tx" or "rx" elements; empty where all are 0."""
     label = f"radar.{end}_phases_deg"
     if isinstance(phases, str) or not np.iterable(phases) or len(list(phases)) not in (0, len(names)):

@@ -201,12 +201,9 @@ class _CfgReader:
     def _frames(self) -> list[_Frame]:
         if not _advanced(self.by_key):
             command = self.by_key["framecfg"][-1]
-            frame = _Frame(
-                FRAME,
-                *(command.integer(name) for name in ("chirpStartIdx", "chirpEndIdx", "numLoops")),
-                decimal(command["framePeriodicity"], -3),
-                command,
-            )
+            first, last = command.integer("chirpStartIdx"), command.integer("chirpEndIdx")
+            period = decimal(command["framePeriodicity"], -3)
+            frame = _Frame(FRAME, first, last, command.integer("numLoops"), period, command)
             samples = {self.profiles[chirp.profile].num_samples for chirp in self._of(frame)}
             if "numAdcSamples" in command.values() and samples != {command.integer("numAdcSamples")}:
                 raise ValueError(

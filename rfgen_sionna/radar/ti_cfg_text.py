@@ -14,7 +14,7 @@ from decimal import Decimal
 from rfgen_sionna.radar.config import RadarConfigError
 from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.ti_cfg import DDM_BANDS
-from rfgen_sionna.radar.ti_chirps import MOST_CHIRPS, MOST_PROFILES, TiChirp, chirps_of, decimal
+from rfgen_sionna.radar.ti_chirps import MOST_CHIRPS, MOST_PROFILES, TiChirp, Variation, chirps_of, decimal
 from rfgen_sionna.radar.waveform import Waveform
 
 _BANDS = {60: (60e9, 64e9), 77: (76e9, 81e9)}
@@ -186,14 +186,16 @@ def _within_profiles(profiles: Sequence[Profile], chirps: Sequence[TiChirp]) -> 
     if len(profiles) <= MOST_PROFILES:
         return list(profiles), list(chirps)
     kinds = list(dict.fromkeys((profile.sample_rate, profile.ramp_end_time) for profile in profiles))
-    bases, place = [], {}
+    bases: list[Profile] = []
+    place: dict[int, tuple[int, Variation]] = {}
     for kind in kinds:
         own = [index for index, each in enumerate(profiles) if (each.sample_rate, each.ramp_end_time) == kind]
         least = {field: min(getattr(profiles[index], field) for index in own) for field in _VARIED}
         for index in own:
-            variation = tuple(
+            start, slope, idle, adc_start = (
                 decimal(getattr(profiles[index], field), 0) - decimal(least[field], 0) for field in _VARIED
             )
+            variation = (start, slope, idle, adc_start)
             if any(change > most for change, most in zip(variation, _MOST_VARIED, strict=True)):
                 raise RadarConfigError(
                     f"the frame has {len(profiles)} profiles; a device of TI has {MOST_PROFILES}, and varies them by "
