@@ -145,7 +145,7 @@ def _configured(found: Radar, hardware: Radar | None) -> Radar:
             f"rx_antennas of '{CONFIG}' has {absent[0]}; radar '{hardware.name}' has {', '.join(hardware.rx_names)}"
         )
     kept = [hardware.rx_names.index(name) for name in found.rx_names]
-    return with_receivers(replace(hardware, waveform=found.waveform, adc=found.adc), kept)
+    return with_receivers(replace(hardware, preset=found.preset, waveform=found.waveform, adc=found.adc), kept)
 
 
 def _receivers(radar: Radar) -> list[int]:

@@ -7,7 +7,7 @@ the data (uint32) between the two (e2e.ti.com, thread 811382: a file begins with
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,30 +60,35 @@ def unpack(files: Sequence[Path]) -> ByteStream:
     CaptureFormatError
         A file without headers, or bytes that are no packet; the message has their place.
     """
-    found: dict[int, tuple[int, _Packet]] = {}
+    tables = []
     for source, file in enumerate(files):
         size = header_size(file)
         if not size:
             raise CaptureFormatError(
                 f"'{file}' has no packet headers, others of the recording have: put one kind into a folder"
             )
-        for packet in _packets(file, size):
-            known = found.setdefault(packet.before, (source, packet))
-            if known[1] is not packet and _data(files, *known) != _data(files, source, packet):
-                raise CaptureFormatError(
-                    f"'{file}', byte {packet.offset - size:,}: packet {packet.sequence} comes twice with different "
-                    "data; these are two recordings: split the file where the numbers begin again"
-                )
-    ordered = [found[before] for before in sorted(found)]
-    columns = [(source, packet.offset, packet.before, packet.length) for source, packet in ordered]
-    sources, offsets, starts, lengths = np.array(columns, dtype=np.int64).T
+        found = _packets(file, size)
+        tables.append(np.column_stack([np.full(len(found), source), found]))
+    table = np.concatenate(tables)
+    table = table[np.argsort(table[:, 2], kind="stable")]
+    _, numbers, starts, lengths, _ = table.T
+    repeated = 1 + np.flatnonzero(starts[1:] < (starts + lengths)[:-1])
+    for packet in repeated:
+        first, second = table[packet - 1], table[packet]
+        if first[2] != second[2] or _data(files, first) != _data(files, second):
+            raise CaptureFormatError(
+                f"'{files[second[0]]}', byte {second[4]:,}: packet {numbers[packet]} comes twice, with other data; "
+                "these are two recordings: split the file where the numbers begin again"
+            )
+    sources, _, starts, lengths, offsets = np.delete(table, repeated, axis=0).T
     return ByteStream(tuple(files), sources, offsets, starts, lengths)
 
 
-def _data(files: Sequence[Path], source: int, packet: _Packet) -> bytes:
+def _data(files: Sequence[Path], row: NDArray[np.int64]) -> bytes:
+    source, _, _, length, offset = row.tolist()
     with files[source].open("rb") as stream:
-        stream.seek(packet.offset)
-        return stream.read(packet.length)
+        stream.seek(offset)
+        return stream.read(length)
 
 
 def _header(content: NDArray[np.uint8], at: int, size: int) -> _Packet:
@@ -98,10 +103,16 @@ def _follows(packet: _Packet, other: _Packet) -> bool:
     return abs(steps) < _MOST_SKIPPED and other.before - packet.before == steps * PACKET
 
 
-def _packets(path: Path, size: int) -> Iterator[_Packet]:
+def _packets(path: Path, size: int) -> NDArray[np.int64]:
+    """(packet, 4) number, bytes of data before it, length, and first byte in the file, in the order of the file."""
     content = np.memmap(path, dtype=np.uint8, mode="r")
-    at, end = 0, len(content)
+    at, end, found = 0, len(content), []
     while at + size <= end:
+        run = _full_packets(content[at:], size)
+        if len(run):
+            run[:, 3] += at
+            found.append(run)
+            at = int(run[-1, 3] + run[-1, 2])
         packet = _header(content, at, size)
         after = packet.offset + packet.length
         if size == _SHORT and not (
@@ -113,10 +124,26 @@ def _packets(path: Path, size: int) -> Iterator[_Packet]:
                 f"'{path}', byte {at:,}: no packet of a DCA1000 (number {packet.sequence}, {packet.before:,} bytes "
                 f"before it); the dump is damaged or cut there: shorten the file to {at:,} bytes"
             )
-        yield _Packet(packet.sequence, packet.before, after - packet.offset, packet.offset)
+        found.append(np.array([[packet.sequence, packet.before, after - packet.offset, packet.offset]]))
         at = after
     if at != end:
         raise CaptureFormatError(f"'{path}' ends within the header of a packet: shorten the file to {at:,} bytes")
+    return np.concatenate(found)
+
+
+def _full_packets(content: NDArray[np.uint8], size: int) -> NDArray[np.int64]:
+    """(packet, 4) as in :func:`_packets`: the full packets at the beginning that a header of the same count follows."""
+    step = size + PACKET
+    count = len(content) // step
+    heads = content[: count * step].reshape(count, step)[:, :size].astype(np.int64)
+    weights = 256 ** np.arange(6)
+    numbers, before = heads[:, :4] @ weights[:4], heads[:, -6:] @ weights
+    same = before - before[:1] == (numbers - numbers[:1]) * PACKET
+    if size == _LONG:
+        same &= heads[:, 4:8] @ weights[:4] == PACKET
+    full = count if same.all() else int(np.argmin(same))
+    offsets = np.arange(count) * step + size
+    return np.column_stack([numbers, before, np.full(count, PACKET), offsets])[: max(full - 1, 0)]
 
 
 def _next(content: NDArray[np.uint8], packet: _Packet, size: int) -> int:
