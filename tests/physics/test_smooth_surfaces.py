@@ -29,6 +29,7 @@ def radar_at(frequency):
     return replace(
         radar,
         waveform=wave,
+        frequency_range=None,
         pattern=ElementPattern(0.0),
         tx_positions=np.zeros((1, 3)),
         rx_positions=np.array([[0.0, 1e-4, 0.0]]),
