@@ -309,7 +309,7 @@ def _contents(plan: RunPlan, frame: Frame) -> dict[str, Any]:
 def frame_bytes(radar: Radar, pir_resolution: tuple[int, int] | None) -> int:
     """Size of the samples and the image of one frame in a file [bytes]."""
     pixels = 0 if pir_resolution is None else math.prod(pir_resolution)
-    return (4 if radar.adc.real else 8) * math.prod(radar.frame_shape) + 12 * pixels
+    return np.dtype(radar.sample_type).itemsize * math.prod(radar.frame_shape) + 12 * pixels
 
 
 def _check_space(target: Path, plans: Mapping[str, RunPlan]) -> None:

@@ -78,9 +78,9 @@ def create_run(file: h5py.Group, info: RunInfo) -> None:
     _scale(file, "tx", list(radar.axis_names), "transmit element" if by_element else "slot, with its active elements")
     _scale(file, "rx", list(radar.rx_names), "receive element")
     _scale(file, "sample", np.arange(wave.num_samples), "ADC sample within the chirp")
-    kind, meaning = (np.float32, "real samples") if radar.adc.real else (np.complex64, "complex baseband")
+    meaning = "real samples" if radar.adc.real else "complex baseband"
     _series(
-        file, "adc", radar.frame_shape, kind, ("chirp", "tx", "rx", "sample"), "sqrt(W)",
+        file, "adc", radar.frame_shape, radar.sample_type, ("chirp", "tx", "rx", "sample"), "sqrt(W)",
         f"{meaning} at the receiver input: |sample|² is power",
     )  # fmt: skip
     _series(file, "frame_time", (), np.float64, (), "s", "start of the first ramp of the frame")

@@ -157,6 +157,8 @@ def receive(
     if radar.adc.real and np.isrealobj(samples):
         raise ValueError(f"samples are {samples.dtype}: the complex ones of synthesize are needed, also for a real ADC")
     seed, frame = check_whole("seed", seed), check_whole("frame", frame)
+    if not isinstance(receiver, Receiver):
+        raise TypeError(f"receiver is a {type(receiver).__name__}: read_receiver(receiver, radar) makes a Receiver")
     receiver.check(radar)
     out = np.array(samples, dtype=np.complex128)
     wave = radar.waveform
