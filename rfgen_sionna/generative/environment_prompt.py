@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
+from os import fspath
+from typing import Any
 
 from rfgen_sionna.generative import vocabulary
 from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names, take_compounds
 from rfgen_sionna.generative.text_reader import Reader, compile_pattern, negation_in
+from rfgen_sionna.scene.load import check_scene_file, is_path, is_scene
 
 NOWHERE = "free space"
 """Name of empty surroundings."""
@@ -42,6 +45,7 @@ SOURCES = {
 }
 """Sources of surroundings in an `environment` argument -> meaning."""
 _SOURCE = re.compile(r"\s*(\w+)\s*(?::(.*))?", re.DOTALL)
+_GIVEN = "a text, the path of a scene file, a scene, or None"
 
 _KEYWORD = re.compile(
     r"""["']?\b(?:environment|surroundings|scene|location|place|room|background|setting)\b["']?\s*[:=]([^,;.\n}]*)""",
@@ -58,14 +62,16 @@ class EnvironmentPrompt:
 
     text: str
     scene: str
-    """Name of a scene, or of a furnished place."""
+    """Name of a scene or its file, or of a furnished place."""
     unused: tuple[str, ...] = ()
     """Phrases without effect."""
+    given: Any = None
+    """Path of a scene file or a scene, as :func:`rfgen_sionna.load_scene` takes; None for words."""
 
     @property
     def has_file(self) -> bool:
         """Whether there is such a scene file."""
-        return self.scene in vocabulary.SCENE_PATTERNS
+        return self.given is not None or self.scene in vocabulary.SCENE_PATTERNS
 
     @property
     def place(self) -> str | None:
@@ -89,24 +95,30 @@ class EnvironmentPrompt:
         return tuple(f"environment: {phrase!r} was not understood and has no effect" for phrase in lost)
 
 
-def split_source(environment: str | None) -> tuple[str, str | None]:
+def split_source(environment: Any) -> tuple[str, Any]:
     """Source and words of an `environment` argument: "furnished: an office", "an office", "furnished".
 
     Returns
     -------
-    One of :data:`SOURCES`, or "auto" without one; and the words, or None without any.
+    One of :data:`SOURCES`, or "auto" without one; and the words, the path or the scene, or None without any.
 
     Raises
     ------
     PromptError
         If the text before a colon is no source, or words follow "none".
+    FileNotFoundError
+        If there is no scene file of a path.
     TypeError
-        If `environment` is neither a text nor None.
+        If `environment` is neither a text, a path, a scene nor None.
     """
     if environment is None:
         return "auto", None
+    if is_scene(environment) or is_path(environment):
+        if is_path(environment):
+            check_scene_file(environment)
+        return "scene", environment
     if not isinstance(environment, str):
-        raise TypeError(f"environment: expected a text or None, got {type(environment).__name__}")
+        raise TypeError(f"environment: expected {_GIVEN}, got {type(environment).__name__}")
     match = _SOURCE.fullmatch(environment)
     if match is None or (match[2] is None and match[1].lower() not in SOURCES):
         return "auto", environment
@@ -116,27 +128,42 @@ def split_source(environment: str | None) -> tuple[str, str | None]:
         raise PromptError(f"environment: {source!r} is no source of surroundings; allowed before the colon: {allowed}")
     if source == "none" and words:
         raise PromptError(f"environment: {environment!r} names a place, but 'none' is free space: leave one out")
+    if is_path(words):
+        if source != "scene":
+            raise PromptError(f"environment: {words!r} is a scene file, which the source {source!r} cannot take")
+        check_scene_file(words)
     return source, words or None
 
 
-def with_source(environment: str | None, source: str) -> str | None:
+def with_source(environment: Any, source: str) -> Any:
     """`environment` with a `source`, the deprecated argument `surroundings`."""
-    if source == "auto":
+    if source == "auto" or (source == "scene" and is_scene(environment)):
         return environment
+    if is_scene(environment):
+        raise PromptError(f"surroundings is {source!r}, but environment is a scene: leave one out")
+    if environment is not None and not isinstance(environment, str):
+        environment = fspath(environment)
     return source if environment is None else f"{source}: {environment}"
 
 
-def parse_environment(text: str | None) -> EnvironmentPrompt | None:
-    """Surroundings of a text; None for None, an empty text or "free space".
+def parse_environment(text: Any) -> EnvironmentPrompt | None:
+    """Surroundings of a text, the path of a scene file or a scene; None for None, an empty text or "free space".
 
     Raises:
         PromptError: no known scene, several, or a negation.
-        TypeError: `text` is neither a text nor None.
+        FileNotFoundError: there is no scene file of a path.
+        TypeError: `text` is none of these.
     """
     if text is None:
         return None
+    if is_scene(text):
+        name = str(getattr(text, "name", "sionna scene"))
+        return EnvironmentPrompt(text=name, scene=name, given=text)
+    if is_path(text):
+        check_scene_file(text)
+        return EnvironmentPrompt(text=fspath(text), scene=fspath(text), given=text)
     if not isinstance(text, str):
-        raise TypeError(f"environment: expected a text or None, got {type(text).__name__}")
+        raise TypeError(f"environment: expected {_GIVEN}, got {type(text).__name__}")
     reader = Reader(text)
     if not reader.text:
         return None

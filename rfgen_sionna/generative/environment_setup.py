@@ -212,7 +212,7 @@ def set_up_environment(
     if request is None or source == "none":
         return RunEnvironment(load_scene(None), "")
     if source == "scene":
-        return RunEnvironment(load_scene(request.scene), request.scene)
+        return RunEnvironment(load_scene(request.given or request.scene), request.scene)
     place = request.place
     if place is None:
         raise PromptError(f"environment: {request.text!r} {_FILE_ONLY}")

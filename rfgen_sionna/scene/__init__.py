@@ -8,9 +8,10 @@ from rfgen_sionna.scene.checks.radar_distance import check_radar_clear
 from rfgen_sionna.scene.devices import add_radar, radar_alone, tabulated
 from rfgen_sionna.scene.load import available_scenes, load_scene
 from rfgen_sionna.scene.materials import MATERIALS, Material, canonical_name, material
-from rfgen_sionna.scene.mesh import RigidMesh, check_mesh, face_normals
+from rfgen_sionna.scene.mesh import check_mesh, face_normals
 from rfgen_sionna.scene.mesh_actor import MeshActor, rotation_matrix
 from rfgen_sionna.scene.rays import Hits, RayScene
+from rfgen_sionna.scene.rigid_mesh import RigidMesh
 from rfgen_sionna.scene.scene import RadarScene, StaticObject
 from rfgen_sionna.scene.scene_errors import (
     BackendError,

@@ -17,8 +17,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.mesh import RigidMesh, face_normals, lengths
+from rfgen_sionna.scene.mesh import face_normals, lengths
 from rfgen_sionna.scene.mesh_actor import MeshActor
+from rfgen_sionna.scene.rigid_mesh import RigidMesh
 from rfgen_sionna.scene.scene_errors import CoarseMeshWarning
 
 SMOOTH = np.radians(30.0)

@@ -1,18 +1,34 @@
 """Table of materials, each with its permittivity model and source.
 
 To add a material, add an entry `name: (model, source)` to :data:`TABLE`, with a model of `scene/permittivity.py`;
-a building material of ITU-R P.2040 goes into :data:`_ITU`, other spellings into :data:`ALIASES`.
+a building material of ITU-R P.2040 goes into :data:`_ITU`, other spellings into `material_words.py`.
 Actors, scenes and `rfgen_sionna.scene.MATERIALS` then take it by that name.
 """
 
 from __future__ import annotations
 
+from rfgen_sionna.scene.earth_surface import Ice, Snow, Soil, Water
 from rfgen_sionna.scene.permittivity import ColeCole, Conductor, LossTangent, Permittivity, PowerLaw
 
 _P2040 = "ITU-R P.2040-4 (09/2025), table 3"  # its ranges are indicative, except for the three grounds
 _GABRIEL = "S. Gabriel, R. W. Lau, C. Gabriel, Phys. Med. Biol. 41 (1996) 2271, four Cole-Cole terms, "
 _ASSUMED = "assumed by this project, no measurement in the millimetre-wave bands at hand: "
+_P527 = "ITU-R P.527-6 (09/2021), "
+_RIDDLE = "B. Riddle, J. Baker-Jarvis, J. Krupka, IEEE Trans. Microwave Theory Tech. 51 (2003) 727, "
+_FLAT = "; taken as constant over the range, as PTFE's is from 10 to 110 GHz"
+_ZECHMEISTER = (
+    "J. Zechmeister, J. Lacik, Complex relative permittivity measurement of selected 3D-printed materials up to 10 "
+    "GHz, Brno University of Technology: eps' 2.55-2.95 and eps'' 0.007-0.08 of solid prints, of which this is a middle"
+)
+_MIXED = ", mixed with air by Looyenga's rule (Physica 31 (1965) 401)"
 _MILLIMETRE = ((10e9, 110e9),)
+
+
+def _mixed(real: float, tangent: float, share: float) -> LossTangent:
+    """Mixture of a `share` of the volume of a material with air, by Looyenga's rule."""
+    eps = (1.0 - share + share * complex(real, -real * tangent) ** (1.0 / 3.0)) ** 3
+    return LossTangent(eps.real, -eps.imag / eps.real, _MILLIMETRE)
+
 
 _ITU: dict[str, tuple[tuple[float, float, float, float, float, float], ...]] = {
     # (lowest GHz, highest GHz, a, b, c, d): eps' = a f^b, sigma = c f^d
@@ -68,6 +84,10 @@ TABLE: dict[str, tuple[Permittivity, str]] = {  # new materials go here
         _ASSUMED + "woven cotton, about half fibre (eps' near 3) and half air; published values of garments at "
         "14-110 GHz scatter over eps' 1.3-2.2 and loss tangents 0.01-0.1 with weave and humidity",
     ),
+    "denim": (_mixed(3.0, 0.08, 0.6), _ASSUMED + "cotton fibre (eps' 3, loss tangent 0.08), 60 %" + _MIXED),
+    "wool": (_mixed(3.0, 0.08, 0.25), _ASSUMED + "fibre (eps' 3, loss tangent 0.08), a quarter" + _MIXED),
+    "paper": (LossTangent(2.8, 0.08, _MILLIMETRE), _ASSUMED + "dense paper and board of cellulose, a few percent damp"),
+    "cardboard": (_mixed(2.8, 0.08, 0.25), _ASSUMED + "corrugated board, a quarter paper (eps' 2.8)" + _MIXED),
     "foam": (
         LossTangent(1.1, 0.005, _MILLIMETRE),
         _ASSUMED + "polyurethane upholstery foam, air with a few percent of polymer",
@@ -76,22 +96,58 @@ TABLE: dict[str, tuple[Permittivity, str]] = {  # new materials go here
         LossTangent(2.7, 0.01, _MILLIMETRE),
         _ASSUMED + "housings of ABS or polycarbonate, non-polar enough to be flat over the band",
     ),
+    "abs": (LossTangent(2.7, 0.008, _MILLIMETRE), _RIDDLE + "at 11 GHz" + _FLAT),
+    "pla": (LossTangent(2.75, 0.012, _MILLIMETRE), _ZECHMEISTER + _FLAT),
+    "pet": (LossTangent(2.85, 0.01, _MILLIMETRE), _ZECHMEISTER + _FLAT),
+    "pmma": (
+        LossTangent(2.61, 0.01, _MILLIMETRE),
+        _RIDDLE + "at 11 GHz; ITU-R P.2040-4 has eps' 2.58 and a loss tangent of 0.015 at 110 GHz" + _FLAT,
+    ),
+    "polycarbonate": (
+        LossTangent(2.76, 0.007, _MILLIMETRE),
+        _RIDDLE + "eps' at 11 GHz; loss tangent assumed, published values are 0.005-0.01" + _FLAT,
+    ),
+    "pvc": (LossTangent(2.71, 0.006, _MILLIMETRE), _RIDDLE + "at 11 GHz" + _FLAT),
+    "pom": (LossTangent(2.73, 0.006, _MILLIMETRE), _RIDDLE + "at 11 GHz" + _FLAT),
+    "polyethylene": (LossTangent(2.37, 0.0002, _MILLIMETRE), _RIDDLE + "high density, at 11.3 GHz" + _FLAT),
+    "polypropylene": (LossTangent(2.27, 0.0001, _MILLIMETRE), _RIDDLE + "at 9.4 GHz" + _FLAT),
+    "polystyrene": (
+        LossTangent(2.505, 0.00025, _MILLIMETRE),
+        "Abbas, 26-40 GHz, as quoted in the permittivity data of Chungbuk National University" + _FLAT,
+    ),
+    "styrofoam": (
+        _mixed(2.505, 0.00025, 0.03),
+        _ASSUMED + "expanded polystyrene of 30 kg/m³, 3 % of polystyrene" + _MIXED,
+    ),
+    "nylon": (
+        LossTangent(3.0, 0.018, _MILLIMETRE),
+        "Abbas, 26-40 GHz, as quoted in the permittivity data of Chungbuk National University" + _FLAT,
+    ),
+    "ptfe": (
+        LossTangent(2.05, 0.0005, _MILLIMETRE),
+        "Elhawil, Proc. Symp. IEEE/LEOS Benelux (2007), 70-110 GHz; " + _RIDDLE + "has 2.05 at 10 GHz",
+    ),
+    "carbon_fibre": (
+        Conductor(1.0, 1e4, _MILLIMETRE),
+        _ASSUMED + "woven laminate of 1e4 S/m in its plane, which reflects like metal, as measured at 60 GHz by E. "
+        "Zöchmann et al., Prog. Electromagn. Res. M 67 (2018) 1; unidirectional plies are anisotropic",
+    ),
+    "ceramic": (LossTangent(5.5, 0.01, _MILLIMETRE), _ASSUMED + "glazed stoneware and porcelain: tiles, cups, basins"),
     "rubber": (LossTangent(3.0, 0.05, _MILLIMETRE), _ASSUMED + "tyres and soles, filler content changes it"),
     "leather": (LossTangent(2.5, 0.07, _MILLIMETRE), _ASSUMED + "upholstery and shoes"),
     "soil": (
         LossTangent(4.0, 0.15, _MILLIMETRE),
         _ASSUMED + "dry loam or sand with a few percent of water; wet soil reflects more",
     ),
+    "dry_soil": (Soil(moisture=0.05), _P527 + "section 5.2: silty loam, 20 °C, 5 % of its volume water"),
+    "wet_soil": (Soil(moisture=0.3), _P527 + "section 5.2: silty loam, 20 °C, 30 % of its volume water"),
+    "water": (Water(), _P527 + "section 5.1.1: two Debye relaxations, 20 °C (temperature=…)"),
+    "sea_water": (Water(salinity=35.0), _P527 + "section 5.1.2: 35 g/kg of salt, 20 °C (temperature=…)"),
+    "ice": (Ice(), _P527 + "section 5.1.3.1: pure ice, -10 °C (temperature=…)"),
+    "snow": (Snow(), _P527 + "section 5.1.4.1: dry snow of 0.3 g/cm³, -10 °C (temperature=…)"),
+    "wet_snow": (Snow(0.0, liquid=0.05), _P527 + "section 5.1.4.2: 0.3 g/cm³, 5 % of its volume water, 0 °C"),
     "vegetation": (
         LossTangent(8.0, 0.5, _MILLIMETRE),
         _ASSUMED + "fresh leaves and grass, mostly water, in which bands above 30 GHz find eps' 8-20 and as much loss",
     ),
 }
-
-ALIASES: dict[str, str] = {
-    "air": "vacuum", "free_space": "vacuum", "acrylic": "clear_acrylic", "aluminium": "metal", "aluminum": "metal",
-    "asphalt": "asphalt_concrete", "car": "metal", "car_body": "metal", "carpet": "carpet_tile",
-    "cotton": "clothing", "drywall": "plasterboard", "dry_skin": "skin", "fabric": "clothing", "human_skin": "skin",
-    "perfect_conductor": "pec", "steel": "metal", "textile": "clothing", "upholstery": "clothing",
-    "vinyl": "vinyl_tile",
-}  # fmt: skip

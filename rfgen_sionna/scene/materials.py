@@ -9,7 +9,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from types import MappingProxyType
 from typing import get_args
 
@@ -19,8 +18,10 @@ from scipy.constants import epsilon_0
 
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.profile import is_number
-from rfgen_sionna.scene.material_table import ALIASES, TABLE
-from rfgen_sionna.scene.permittivity import Outside, Permittivity, complex_permittivity
+from rfgen_sionna.scene.earth_surface import EarthSurface
+from rfgen_sionna.scene.material_table import TABLE
+from rfgen_sionna.scene.material_words import canonical_name, suggested_material
+from rfgen_sionna.scene.permittivity import Conductor, LossTangent, Outside, Permittivity, complex_permittivity
 from rfgen_sionna.scene.scattering import LAMBERTIAN, ScatteringPattern
 from rfgen_sionna.scene.scene_errors import MaterialError, MaterialRangeWarning
 
@@ -150,36 +151,66 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
 """All materials by name; :func:`material` also takes aliases ("steel") and Sionna's prefixes ("itu_metal")."""
 
 
-def canonical_name(name: str) -> str:
-    """Name in :data:`MATERIALS` of an alias or a prefixed `name`; an unknown name in small letters."""
-    key = name.strip().lower().replace(" ", "_").replace("-", "_")
-    key = key.removeprefix("mat_").removeprefix("itu_")
-    return ALIASES.get(key, key)
+def material(
+    name: str,
+    frequency: float | None = None,
+    outside: Outside = "extrapolate",
+    owner: str = "",
+    *,
+    permittivity: float | complex | None = None,
+    conductivity: float | None = None,
+    loss_tangent: float | None = None,
+    temperature: float | None = None,
+    thickness: float | None = None,
+    scattering_coefficient: float = 0.0,
+    source: str = "given by the user",
+) -> Material:
+    """A material of the table, or an own one of a constant permittivity.
 
-
-def material(name: str, frequency: float | None = None, outside: Outside = "extrapolate", owner: str = "") -> Material:
-    """A material of the table.
+    `material("water", temperature=37)` and `material("glass", thickness=0.004)` are materials of the table,
+    `material("my_resin", permittivity=2.9, loss_tangent=0.02)` is an own one.
 
     Args:
-        name: a name or alias, with or without Sionna's prefixes.
+        name: a name or alias, with or without Sionna's prefixes; any name with a `permittivity`.
         frequency: frequency [Hz] to check against the source; None checks nothing.
         outside: policy at frequencies that the source does not cover: "raise" is an error, others warn.
         owner: object of the material, for messages.
+        permittivity: relative permittivity of an own material; a complex one, eps' - j eps'', has its loss tangent.
+        conductivity: conductivity of an own material [S/m].
+        loss_tangent: eps'' / eps' of an own material, instead of a conductivity.
+        temperature: temperature of water, ice, snow or soil [°C]; None is that of the source's text.
+        thickness: thickness of the slab behind the surface [m]; None is a half-space.
+        scattering_coefficient: diffuse share of the reflected field, 0 … 1, of rough surfaces.
+        source: source of an own material.
 
     Raises:
-        MaterialError: unknown name or policy, or a `frequency` that is not covered, with "raise".
+        MaterialError: unknown name or policy, a value out of range, or a `frequency` that is not covered, with "raise".
         TypeError: `name` is no text.
     """
     _check_policy(outside)
     if not isinstance(name, str):
-        raise TypeError(f"{_prefix(owner)}material: {name!r} given, the name of a material is needed; {_choices()}")
+        raise TypeError(f"{_prefix(owner)}material: {name!r} given, the name of a material is needed; {choices()}")
+    if permittivity is not None:
+        model = _own_model(f"{_prefix(owner)}material {name!r}", permittivity, conductivity, loss_tangent)
+        if temperature is not None:
+            raise MaterialError(f"{_prefix(owner)}material {name!r}: its permittivity is given, leave temperature out")
+        return Material(name, model, source, thickness, scattering_coefficient, outside=outside)
+    if conductivity is not None or loss_tangent is not None:
+        raise MaterialError(f"{_prefix(owner)}material {name!r}: permittivity is needed, too, 1 for a metal")
     key = canonical_name(name)
     if key not in MATERIALS:
-        close = get_close_matches(key, [*MATERIALS, *ALIASES], n=1)
-        hint = f", did you mean {close[0]!r}?" if close else ""
+        close = suggested_material(name)
+        hint = f", did you mean {close!r}?" if close else ""
         shown = "no material given" if not name.strip() else f"unknown material {name!r}{hint}"
-        raise MaterialError(f"{_prefix(owner)}{shown}; {_choices()}")
+        raise MaterialError(f"{_prefix(owner)}{shown}; {choices()}")
     found = replace(MATERIALS[key], outside=outside)
+    if thickness is not None or scattering_coefficient:
+        found = replace(found, thickness=thickness, scattering_coefficient=scattering_coefficient)
+    if temperature is not None:
+        if not isinstance(found.model, EarthSurface):
+            warm = ", ".join(other for other, each in MATERIALS.items() if isinstance(each.model, EarthSurface))
+            raise MaterialError(f"{_prefix(owner)}material {name!r}: temperature has an effect on {warm} only")
+        found = replace(found, model=replace(found.model, temperature=temperature))
     if frequency is not None and outside == "raise":
         found.check(frequency, owner)
     elif frequency is not None:
@@ -187,9 +218,31 @@ def material(name: str, frequency: float | None = None, outside: Outside = "extr
     return found
 
 
-def _choices() -> str:
-    """List of the materials and their ranges."""
-    return f"known are {', '.join(f'{name} ({each.describe_ranges()})' for name, each in sorted(MATERIALS.items()))}"
+def _own_model(
+    what: str, permittivity: float | complex, conductivity: float | None, loss_tangent: float | None
+) -> Permittivity:
+    """Model of a constant permittivity with a constant conductivity [S/m] or loss tangent."""
+    eps = complex(permittivity)
+    if sum((eps.imag != 0.0, conductivity is not None, loss_tangent is not None)) > 1:
+        raise MaterialError(f"{what}: give its loss once: a complex permittivity, conductivity or loss_tangent")
+    if not (np.isfinite(eps) and eps.real > 0.0 and eps.imag <= 0.0):
+        raise MaterialError(
+            f"{what}: permittivity {permittivity!r}, a real part above 0 and an imaginary part of at most 0 is needed"
+        )
+    for name, value in (("conductivity", conductivity), ("loss_tangent", loss_tangent)):
+        if value is not None and not (is_number(value) and value >= 0.0):
+            raise MaterialError(f"{what}: {name} {value!r}, a finite number that is not negative is needed")
+    everywhere = ((0.0, float("inf")),)
+    if conductivity is not None:
+        return Conductor(eps.real, float(conductivity), everywhere)
+    return LossTangent(eps.real, -eps.imag / eps.real if loss_tangent is None else float(loss_tangent), everywhere)
+
+
+def choices() -> str:
+    """List of the materials and their ranges, and how to make others."""
+    names = ", ".join(f"{name} ({each.describe_ranges()})" for name, each in sorted(MATERIALS.items()))
+    own = "rfgen_sionna.material('my_resin', permittivity=2.9, loss_tangent=0.02) makes an own one"
+    return f"known are {names}; {own}"
 
 
 def warn_uncovered(materials: list[Material], frequency: float, stacklevel: int = 2) -> None:

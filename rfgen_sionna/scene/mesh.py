@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import math
-import os
 import warnings
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -95,6 +91,24 @@ def check_mesh(vertices: ArrayLike, faces: ArrayLike, name: str = "mesh") -> tup
         triangles = triangles[keep]
     triangles = _check_edges(points, weld_vertices(triangles, [points]), name)
     used, triangles = used_vertices(triangles)
+    return points[used], triangles
+
+
+def check_soup(vertices: ArrayLike, faces: ArrayLike, name: str) -> tuple[FloatArray, IntArray]:
+    """Check triangles of a scene, whose two sides are alike, and return them as of :func:`check_mesh`.
+
+    Edges of more than two faces and any orientation are allowed. Faces without area are dropped without a warning.
+
+    Raises:
+        MeshError: there are no triangles with an area, a coordinate is not finite or an index has no vertex.
+    """
+    points = _vertex_array(vertices, name)
+    triangles = _face_array(faces, len(points), name)
+    _check_used_vertices(points, triangles, name)
+    triangles = np.ascontiguousarray(triangles[lengths(face_normals(points, triangles)) > 0.0])
+    if not len(triangles):
+        raise MeshError(f"{name}: all {np.shape(faces)[0]} faces have zero area")
+    used, triangles = used_vertices(weld_vertices(triangles, [points]))
     return points[used], triangles
 
 
@@ -214,94 +228,3 @@ def _signed_volume(points: FloatArray, triangles: IntArray) -> float:
     centred = points - points[triangles.ravel()].mean(axis=0)
     a, b, c = (centred[triangles[:, i]] for i in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
-
-
-@dataclass(frozen=True, eq=False)
-class RigidMesh:
-    """A mesh that keeps its shape: a :class:`~rfgen_sionna.records.MeshSequence` of one part.
-
-    Raises:
-        MeshError: see :func:`check_mesh`.
-        ValueError: `name` is no text, or empty.
-    """
-
-    points: FloatArray
-    """(vertex, 3) positions of the used vertices in the mesh's own frame [m]."""
-    faces: IntArray
-    """(face, 3) vertex indices, counter-clockwise from outside."""
-    name: str = "mesh"
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name:
-            raise ValueError(f"name: {self.name!r} given, a text that is not empty is needed")
-        points, faces = check_mesh(self.points, self.faces, self.name)
-        points.flags.writeable = False
-        faces.flags.writeable = False
-        object.__setattr__(self, "points", points)
-        object.__setattr__(self, "faces", faces)
-
-    @classmethod
-    def load(cls, mesh: Any, name: str | None = None) -> RigidMesh:
-        """A rigid mesh of a `trimesh.Trimesh`, a `trimesh.Scene` as one mesh, a file that trimesh reads (metres), or a
-        pair (vertices, faces).
-
-        Raises:
-            MeshError: the mesh is not usable, or the file has none.
-            ValueError: `name` is no text, or empty.
-            FileNotFoundError, IsADirectoryError: the path is no file.
-            TypeError: `mesh` is none of the above.
-        """
-        if isinstance(mesh, (str, os.PathLike)):
-            path = Path(mesh)
-            return cls(*_read(path), name=path.stem if name is None else name)
-        name = "mesh" if name is None else name
-        if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
-            return cls(mesh[0], mesh[1], name=name)
-        if hasattr(mesh, "geometry") and hasattr(mesh, "to_mesh"):  # a scene
-            mesh = mesh.to_mesh()
-        if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
-            return cls(mesh.vertices, mesh.faces, name=name)
-        raise TypeError(
-            f"mesh: {type(mesh).__name__} given, allowed are a trimesh.Trimesh or trimesh.Scene, the path of a mesh "
-            "file, or a pair (vertices, faces)"
-        )
-
-    @property
-    def part_names(self) -> tuple[str, ...]:
-        return (self.name,)
-
-    @property
-    def face_parts(self) -> IntArray:
-        return np.zeros(len(self.faces), np.int32)
-
-    @property
-    def duration(self) -> float:
-        return math.inf
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        return ()
-
-    def vertices(self, t: float) -> FloatArray:
-        """(vertex, 3) positions [m], the same at any time; read-only."""
-        return self.points
-
-    def joints(self, t: float) -> FloatArray:
-        """(0, 3): no skeleton."""
-        return np.empty((0, 3))
-
-
-def _read(path: Path) -> tuple[FloatArray, IntArray]:
-    if path.is_dir():
-        raise IsADirectoryError(f"mesh file {str(path)!r} is a directory: give the path of a file in it")
-    if not path.is_file():
-        raise FileNotFoundError(f"mesh file {str(path)!r} does not exist")
-    import trimesh
-
-    try:
-        mesh = trimesh.load(path, force="mesh", process=False)  # unprocessed: NaN is reported, not dropped
-    except Exception as error:  # any exception of a parser
-        raise MeshError(f"mesh file {str(path)!r} cannot be read: {error}") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise MeshError(f"mesh file {str(path)!r} holds no triangles")
-    return np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)

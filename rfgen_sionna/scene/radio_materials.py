@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -20,6 +20,7 @@ PLUGIN = "rfgen-radio-material"
 """Mitsuba's plugin name of the materials of this package."""
 PREFIX = "rfgen_"
 """Prefix of the ids of the materials of this package, as `itu_` of Sionna's."""
+_COLOURS = ("color", "reflectance", "base_color")
 
 
 def sionna_material(
@@ -60,9 +61,19 @@ def retune(scene: Any, outside: Outside = "extrapolate") -> None:
     """
     for radio_material in scene.radio_materials.values():
         kind = _type_of(radio_material)
-        if kind:
+        if kind and not hasattr(radio_material, "rfgen_material"):
             policy: Outside = "clamp" if outside == "clamp" else "extrapolate"
             radio_material.frequency_update_callback = _callback(material(kind, outside=policy))
+
+
+def follow(radio_material: Any, of: Material) -> None:
+    """Give a Sionna material the permittivity, thickness and roughness of a material of this package."""
+    radio_material.frequency_update_callback = _callback(of)
+    radio_material.rfgen_material = of
+    if of.thickness is not None:
+        radio_material.thickness = of.thickness
+    radio_material.scattering_coefficient = of.scattering_coefficient
+    radio_material.xpd_coefficient = of.xpd_coefficient
 
 
 def _type_of(radio_material: Any) -> str:
@@ -87,6 +98,8 @@ def from_sionna(radio_material: Any, outside: Outside = "extrapolate") -> Materi
             f"material {radio_material.name!r} is a {type(radio_material).__name__} without permittivity, "
             "a sionna.rt.RadioMaterial is needed"
         )
+    if given := getattr(radio_material, "rfgen_material", None):
+        return replace(given, thickness=_number(radio_material.thickness))
     if kind := _type_of(radio_material):
         found = material(kind, outside=outside)
     else:
@@ -118,13 +131,36 @@ def register(variant: str) -> None:
         def __init__(self, props: Any) -> None:
             found = material(str(props["type"]), owner=f"material {props.id()!r} of the scene")
             del props["type"]
-            if not any(key in props for key in ("color", "reflectance", "base_color")):
+            if not any(key in props for key in _COLOURS):
                 # Without a colour Sionna draws one from NumPy's global generator.
                 props["color"] = mi.ScalarColor3f(ITURadioMaterial.ITU_MATERIAL_COLORS.get(found.name, (0.6, 0.5, 0.5)))
             self.rfgen_type = found.name
             super().__init__(props=props, frequency_update_callback=_callback(found))
 
     mi.register_bsdf(PLUGIN, lambda props: RadarMaterial(props))
+
+
+def with_radio_materials(description: str, chosen: Mapping[str, str]) -> str:
+    """Scene description with the materials `chosen`, names of this package by ids, in place of those of other plugins.
+
+    Args:
+        description: XML before Sionna's `process_xml`, which takes ITU materials only.
+    """
+    if not chosen:
+        return description
+    root = ElementTree.fromstring(description)
+    for bsdf in [*root.findall("./bsdf"), *root.findall(".//shape/bsdf")]:
+        name = bsdf.get("id", "")
+        if name not in chosen:
+            continue
+        colour = next((c for key in _COLOURS if (c := bsdf.find(f".//rgb[@name='{key}']")) is not None), None)
+        bsdf.clear()
+        bsdf.set("type", "itu-radio-material")  # replaced after `process_xml`, which refuses others of ITU's names
+        bsdf.set("id", name)
+        bsdf.append(ElementTree.Element("string", {"name": "type", "value": chosen[name]}))
+        if colour is not None:
+            bsdf.append(ElementTree.Element("rgb", {"name": "color", "value": colour.get("value", "")}))
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def use_our_materials(description: str) -> str:

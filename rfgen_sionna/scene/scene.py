@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import tomllib
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material, warn_uncovered
 from rfgen_sionna.scene.mesh import face_normals, used_vertices
+from rfgen_sionna.scene.mitsuba_file import exact_mesh, shapes_by_name
 from rfgen_sionna.scene.permittivity import Outside
 from rfgen_sionna.scene.scene_errors import MaterialError, SceneError
 
@@ -91,12 +94,14 @@ class RadarScene:
         scene: Any = None,
         frequency: float | None = None,
         outside: Outside = "extrapolate",
+        materials: Mapping[str, Material] = MappingProxyType({}),
     ) -> None:
         self.name = name
         self.path = path
         self.frequency = frequency
         """Carrier frequency of the Sionna scene [Hz]; None leaves its own."""
         self.outside: Outside = outside
+        self._materials = materials
         self._given = scene
         self._unfollowed: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
 
@@ -130,7 +135,7 @@ class RadarScene:
             BackendError: Mitsuba cannot run here.
         """
         from rfgen_sionna.scene.mitsuba_backend import ensure_backend
-        from rfgen_sionna.scene.radio_materials import retune
+        from rfgen_sionna.scene.radio_materials import follow, retune
 
         variant = ensure_backend()
         if self._given is not None:
@@ -141,8 +146,10 @@ class RadarScene:
 
             scene = sionna.rt.load_scene()
         else:
-            scene = _read(self.path, variant)
+            scene = _read(self.path, variant, self._materials)
             retune(scene, self.outside)
+            for name, of in self._materials.items():
+                follow(scene.get(name), of)
         if self.frequency is not None:
             scene.frequency = self.frequency
         return scene
@@ -162,11 +169,15 @@ class RadarScene:
 
         scene, materials, found = self.sionna, dict[str, Material](), list[StaticObject]()
         targets, moving = list[str](), list[str]()
+        shapes = shapes_by_name(self.path)
         for name, item in scene.objects.items():
             if type(item).__name__ == "SensingTarget":
                 targets.append(name)
                 continue
             vertices, faces = _arrays(item.mi_mesh)
+            if self.path is not None:
+                vertices, faces = exact_mesh(self.path, name, shapes.get(name), vertices, faces)
+            vertices, faces = _with_area(vertices, faces)
             if not len(faces):
                 continue
             of = item.radio_material
@@ -232,13 +243,13 @@ class RadarScene:
         warn_uncovered([o.properties for o in objects], frequency, stacklevel=2)
 
 
-def _read(path: Path, variant: str) -> Any:
+def _read(path: Path, variant: str, materials: Mapping[str, Material]) -> Any:
     """Sionna's `load_scene` with the materials of this package, unmerged shapes, and no evaluation at 3.5 GHz."""
     import mitsuba
     import sionna.rt
     from sionna.rt.scene_utils import process_xml
 
-    from rfgen_sionna.scene.radio_materials import register, use_our_materials
+    from rfgen_sionna.scene.radio_materials import register, use_our_materials, with_radio_materials
 
     register(variant)
     mi: Any = mitsuba  # untyped functions
@@ -247,7 +258,8 @@ def _read(path: Path, variant: str) -> Any:
     resolver.append(str(path.parent))
     try:
         mi.set_file_resolver(resolver)
-        description = use_our_materials(process_xml(path.read_text(encoding="utf-8"), merge_shapes=False))
+        text = with_radio_materials(path.read_text(encoding="utf-8"), dict.fromkeys(materials, "vacuum"))
+        description = use_our_materials(process_xml(text, merge_shapes=False))
         return sionna.rt.Scene(mi_scene=mi.load_string(description, optimize=False))
     except SceneError:
         raise
@@ -260,7 +272,10 @@ def _read(path: Path, variant: str) -> Any:
 def _arrays(mesh: Any) -> tuple[FloatArray, IntArray]:
     # Copies: on the CPU NumPy shares Dr.Jit's memory.
     vertices = np.array(mesh.vertex_positions_buffer(), np.float64).reshape(-1, 3)
-    faces = np.array(mesh.faces_buffer(), np.int32).reshape(-1, 3)
+    return vertices, np.array(mesh.faces_buffer(), np.int32).reshape(-1, 3)
+
+
+def _with_area(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     area = np.linalg.norm(face_normals(vertices, faces), axis=1)
     used, faces = used_vertices(np.ascontiguousarray(faces[area > 0.0]))
     return vertices[used], faces

@@ -7,6 +7,10 @@ class SceneError(ValueError):
     """A scene is not found, cannot be read, or does not fit its radar."""
 
 
+class SceneFileNotFoundError(SceneError, FileNotFoundError):
+    """There is no scene file of the given path."""
+
+
 class MeshError(ValueError):
     """A mesh is not a usable surface of triangles."""
 

@@ -1,4 +1,4 @@
-"""Moving radar: the world in the frame of the radar at t = 0.
+"""Actors by material, and, for a moving radar, the world in the frame of the radar at t = 0.
 
 Delays depend on distances only. Paths between a moving radar and its surroundings equal those of a radar at rest, in
 its pose at t = 0, with surroundings that move the other way. The static scene becomes moving surfaces. Directions refer
@@ -7,15 +7,17 @@ to that frame, whose axes are those of the world at t = 0.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.materials import Material
+from rfgen_sionna.scene.mesh import used_vertices
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import MeshActor, RadarScene
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RelativeObject:
-    """An object in the frame of the moving radar at t = 0."""
+    """An object in the frame of the moving radar at t = 0, or the parts of an actor that have one material."""
 
     name: str
     properties: Material
@@ -36,6 +38,34 @@ class RelativeObject:
     """Whether it belongs to the static scene."""
     vertices: Callable[[float], FloatArray]
     """Time [s] to (vertex, 3) positions [m]."""
+
+
+def by_material(actors: Iterable[MeshActor | RelativeObject]) -> tuple[MeshActor | RelativeObject, ...]:
+    """The actors, with an object for each material of an actor of several: "car, glass"."""
+    found: list[MeshActor | RelativeObject] = []
+    for actor in actors:
+        materials: tuple[Material, ...] = getattr(actor, "materials", ())
+        groups: list[Material] = []
+        for each in materials:
+            if each not in groups:
+                groups.append(each)
+        if len(groups) < 2:
+            found.append(actor)
+            continue
+        owners = np.array([groups.index(each) for each in materials])[actor.face_parts]
+        for k, group in enumerate(groups):
+            used, faces = used_vertices(np.ascontiguousarray(actor.faces[owners == k]))
+            same = sum(each.name == group.name for each in groups[:k])
+            name = f"{actor.name}, {group.name}" + (f" {same + 1}" if same else "")
+            own = actor.part_names, actor.face_parts[owners == k], False, _of_vertices(actor.vertices, used)
+            found.append(RelativeObject(name, group, faces, *own))
+    return tuple(found)
+
+
+def _of_vertices(
+    vertices: Callable[[float], FloatArray], used: NDArray[np.intp] | slice
+) -> Callable[[float], FloatArray]:
+    return lambda t: np.ascontiguousarray(vertices(t)[used])
 
 
 def relative_objects(
@@ -54,7 +84,7 @@ def relative_objects(
         parts, points = np.zeros(len(thing.faces), dtype=np.int32), np.asarray(thing.vertices, dtype=np.float64)
         given = thing.name, thing.properties, thing.faces, (thing.name,), parts, True, carried(still(points))
         found.append(RelativeObject(*given))
-    for actor in actors:
+    for actor in by_material(actors):
         known = actor.name, actor.properties, actor.faces, actor.part_names, actor.face_parts, False
         found.append(RelativeObject(*known, carried(actor.vertices)))
     return tuple(found)

@@ -137,7 +137,7 @@ class _Pair:
 
     def _is_sheet(self, which: int) -> bool:
         """Whether an actor is a hollow sheet, such as clothes or a box of glass."""
-        return self.actors[which].properties.thickness is not None
+        return all(each.thickness is not None for each in self.actors[which].materials)
 
     def _surrounds(self, which: int, viewpoint: FloatArray) -> bool:
         """Whether an actor surrounds the radar, as a room or a vehicle."""

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.scene.array_scene import ArrayScene
 from rfgen_sionna.scene.furnished.finishes import FINISHES, surface_material
 from rfgen_sionna.scene.furnished.layout import Ground, Item, Plan
 from rfgen_sionna.scene.furnished.piece import merge
 from rfgen_sionna.scene.furnished.shapes import Part
-from rfgen_sionna.scene.materials import warn_uncovered
 from rfgen_sionna.scene.mesh import face_normals, lengths
-from rfgen_sionna.scene.scene import Interior, RadarScene, StaticObject
+from rfgen_sionna.scene.scene import Interior, StaticObject
 
 CEILING_OF_THE_SKY = 30.0
 """Height of the free space outdoors [m]; above any tree and roof."""
@@ -55,11 +53,8 @@ class Layout:
         return not any(spot.meets(item.ground, margin) for item in self.items)
 
 
-class FurnishedScene(RadarScene):
-    """Scene of :func:`~rfgen_sionna.scene.furnished.furnished`: a :class:`~rfgen_sionna.scene.RadarScene` of arrays.
-
-    The first access to `sionna` makes its Sionna scene, which the tracer does not need.
-    """
+class FurnishedScene(ArrayScene):
+    """Scene of :func:`~rfgen_sionna.scene.furnished.furnished`."""
 
     def __init__(self, layout: Layout, parts: list[tuple[str, str, Part]], owners: list[int], frequency: float) -> None:
         super().__init__(f"{layout.place} {layout.seed}")
@@ -72,10 +67,6 @@ class FurnishedScene(RadarScene):
         """(object,) index of its item, -1 for the shell."""
         self.kinds: tuple[str, ...] = tuple(kind for kind, _, _ in parts)
         """(object,) kind of each object, or of its piece: "sofa", "far wall"."""
-
-    @property
-    def is_free_space(self) -> bool:
-        return False
 
     @property
     def shell(self) -> tuple[tuple[str, FloatArray], ...]:
@@ -116,21 +107,6 @@ class FurnishedScene(RadarScene):
         """(object, 3) red, green, blue of each object, 0 … 1."""
         return np.array([FINISHES[part.finish].colour for _, _, part in self.parts])
 
-    def tune(self, frequency: float) -> None:
-        if not (np.isfinite(frequency) and frequency > 0.0):
-            raise ValueError(f"frequency: {frequency!r} given, a positive value [Hz] is needed")
-        if frequency == self.frequency:
-            return
-        if "sionna" in self.__dict__:
-            self.sionna.frequency = frequency
-        self.frequency = float(frequency)
-        warn_uncovered([item.properties for item in self.objects], frequency, stacklevel=2)
-
-    @cached_property
-    def sionna(self) -> Any:
-        """The place as a `sionna.rt.Scene`."""
-        return _to_sionna(self.objects, self.colours, self.frequency or self.surface_frequency)
-
 
 def assemble(place: str, seed: int, plan: Plan, indoors: bool, frequency: float) -> FurnishedScene:
     """Scene of a plan, with an object for each finish of each piece."""
@@ -158,33 +134,3 @@ def assemble(place: str, seed: int, plan: Plan, indoors: bool, frequency: float)
 def _with_area(points: FloatArray, faces: IntArray) -> IntArray:
     area = np.linalg.norm(face_normals(points, faces), axis=1)
     return np.ascontiguousarray(faces[area > 1e-12])
-
-
-def _to_sionna(objects: Sequence[StaticObject], colours: FloatArray, frequency: float) -> Any:
-    """A `sionna.rt.Scene` of objects with colours (object, 3) at a carrier frequency [Hz]."""
-    from rfgen_sionna.scene.mitsuba_backend import ensure_backend
-
-    ensure_backend()
-    import mitsuba as mi
-    import sionna.rt
-
-    from rfgen_sionna.scene.radio_materials import sionna_material
-
-    scene = sionna.rt.load_scene()
-    materials: dict[Any, Any] = {}
-    found = []
-    for item, colour in zip(objects, colours, strict=True):
-        key = (item.properties.name, item.properties.thickness, item.properties.scattering_coefficient, tuple(colour))
-        if key not in materials:
-            materials[key] = sionna_material(item.properties, name=f"{item.properties.name} {len(materials)}")
-            materials[key].color = tuple(float(c) for c in colour)
-        mesh = mi.Mesh(item.name, len(item.vertices), len(item.faces))
-        parameters = mi.traverse(mesh)
-        parameters["faces"] = mi.UInt32(np.ascontiguousarray(item.faces.ravel(), dtype=np.uint32))
-        key_of_points = next(k for k in parameters.keys() if k.startswith("vertex_position"))  # noqa: SIM118
-        parameters[key_of_points] = mi.Float(np.ascontiguousarray(item.vertices.ravel(), dtype=np.float32))
-        parameters.update()
-        found.append(sionna.rt.SceneObject(mi_mesh=mesh, name=item.name, radio_material=materials[key]))
-    scene.edit(add=found)
-    scene.frequency = frequency
-    return scene

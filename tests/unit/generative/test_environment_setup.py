@@ -112,7 +112,7 @@ def test_an_environment_may_name_its_source() -> None:
         for source in ("scene", "furnished", "diffusion"):
             assert split_source(with_source(words, source)) == (source, words)
         assert split_source(with_source(words, "auto")) == ("auto", words)
-    with pytest.raises(TypeError, match="environment: expected a text or None, got int"):
+    with pytest.raises(TypeError, match="environment: expected a text, the path of a scene file, a scene, or None, got int"):
         split_source(3)  # type: ignore[arg-type]
 
 

@@ -130,7 +130,7 @@ def test_names_and_aliases():
         assert canonical_name(name) == "metal"
         assert material(name).name == "metal"
     assert material("Ceiling board").name == "ceiling_board"
-    with pytest.raises(MaterialError, match=r"wall: unknown .*'granite'.*known are asphalt_concrete \(1-40 GHz\)"):
+    with pytest.raises(MaterialError, match=r"wall: unknown .*'granite', did you mean 'marble'.*known are abs .*asphalt_concrete \(1-40 GHz\)"):
         material("granite", owner="wall")
     with pytest.raises(MaterialError, match="allowed are 'extrapolate', 'clamp', 'raise'"):
         material("metal", outside="guess")

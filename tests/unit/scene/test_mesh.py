@@ -169,7 +169,7 @@ def test_a_scene_is_one_mesh_as_of_a_file(tmp_path: Path):
     scene = trimesh.Scene(trimesh.creation.box((1, 1, 1)))
     scene.add_geometry(trimesh.creation.icosphere(subdivisions=1), transform=np.eye(4) + np.eye(4, k=3) * 5.0)
     scene.export(tmp_path / "both.glb")
-    mesh, of_file = RigidMesh.load(scene, "both"), RigidMesh.load(tmp_path / "both.glb")
+    mesh, of_file = RigidMesh.load(scene, "both"), RigidMesh.load(tmp_path / "both.glb", up="z")
     assert (len(mesh.points), len(mesh.faces)) == (len(of_file.points), len(of_file.faces))
     for found in (mesh, of_file):
         np.testing.assert_allclose([found.points.min(axis=0), found.points.max(axis=0)], [[-0.5, -1, -1], [6, 1, 1]])
