@@ -3,6 +3,7 @@
 from rfgen_sionna.processing.angle import compensate_tdm, find_directions, steering
 from rfgen_sionna.processing.azimuth import DynamicRangeAngle, RangeAzimuth, drai, range_azimuth
 from rfgen_sionna.processing.calibration import Calibration, estimate_calibration
+from rfgen_sionna.processing.cfg_calibration import read_cfg_calibration
 from rfgen_sionna.processing.demultiplex import demultiplex, select_profile, select_slot
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
 from rfgen_sionna.processing.displacement import Displacement, displacement
@@ -42,6 +43,7 @@ __all__ = [
     "range_doppler",
     "range_spectrum",
     "range_time",
+    "read_cfg_calibration",
     "refine_peaks",
     "remove_static",
     "select_profile",

@@ -367,8 +367,10 @@ class Radar(ShortRepr):
         RadarConfigError
             A device of TI has no such frame; the message names field, value and limit.
         """
-        numbers = (tuple(element_numbers(names, end)) for names, end in ((self.tx_names, "TX"), (self.rx_names, "RX")))
-        return cfg_text(self.name, self.preset, self.waveform, *numbers, real=self.adc.real, bits=self.adc.bits)
+        tx, rx = element_numbers(self.tx_names, "TX"), element_numbers(self.rx_names, "RX")
+        feeds = np.multiply.outer(*self.feed_factors)
+        real, bits = self.adc.real, self.adc.bits
+        return cfg_text(self.name, self.preset, self.waveform, tx, rx, feeds=feeds, real=real, bits=bits)
 
     @classmethod
     def from_dict(cls, record: dict[str, Any]) -> Radar:

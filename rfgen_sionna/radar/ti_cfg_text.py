@@ -11,6 +11,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from decimal import Decimal
 
+import numpy as np
+
+from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar.config import RadarConfigError
 from rfgen_sionna.radar.profile import Profile
 from rfgen_sionna.radar.ti_cfg import DDM_BANDS
@@ -43,6 +46,7 @@ def cfg_text(
     transmitters: Sequence[int],
     receivers: Sequence[int],
     *,
+    feeds: ComplexArray,
     real: bool,
     bits: int,
 ) -> str:
@@ -56,6 +60,8 @@ def cfg_text(
         The frame.
     transmitters, receivers
         Numbers of the elements, from 1.
+    feeds
+        (tx, rx) factors that undo the phases of the elements' feeds in the samples.
     real, bits
         Kind and bits of the samples.
 
@@ -89,7 +95,9 @@ def cfg_text(
     if order:
         rest = [number for number in range(1, _MOST_TX + 1) if number not in order]
         lines.append(f"ddmPhaseShiftAntOrder {' '.join(str(number - 1) for number in (*order, *rest))}")
-    channels = " 1 0" * (len(transmitters) * len(receivers) if mcuplus else 8 if max(transmitters) < 3 else 12)
+    factors = np.ones((max(transmitters) if mcuplus else 2 if max(transmitters) < 3 else 3, _MOST_RX), np.complex128)
+    factors[np.ix_([number - 1 for number in transmitters], [number - 1 for number in receivers])] = feeds
+    pairs = " ".join(f"{factor.real + 0.0:.6g} {factor.imag + 0.0:.6g}" for factor in factors.ravel())
     lines += [
         "lowPower 0 0",
         "guiMonitor -1 1 1 0 0 0 1",
@@ -101,7 +109,7 @@ def cfg_text(
         "extendedMaxVelocity -1 0",
         "lvdsStreamCfg -1 0 1 0",
         _bpm(chirps, order),
-        f"compRangeBiasAndRxChanPhase 0.0{channels}",
+        f"compRangeBiasAndRxChanPhase 0.0 {pairs}",
         "measureRangeBiasAndRxChanPhase 0 1.5 0.2",
         "CQRxSatMonitor 0 3 5 121 0",
         "CQSigImgMonitor 0 127 4",

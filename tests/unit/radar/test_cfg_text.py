@@ -66,6 +66,17 @@ def test_steps_of_the_device_are_stated() -> None:
     assert "steps of 0.036210" in finer
 
 
+def test_turned_feeds_are_undone_by_the_board() -> None:
+    """The factors that TI's demonstration needs on the ODS: those of two receivers of each Tx are -1."""
+    (line,) = [line for line in Radar.load("iwr6843isk_ods").to_cfg().splitlines() if line.startswith("compRangeBias")]
+    factors = np.array(line.split()[2:], dtype=float).reshape(3, 4, 2)
+    np.testing.assert_array_equal(factors[..., 1], 0)
+    assert sorted(factors[0, :, 0]) == [-1, -1, 1, 1]
+    assert "-0" not in line.split()
+    plain = Radar.load("awr1642boost").to_cfg()
+    assert "compRangeBiasAndRxChanPhase 0.0" + " 1 0" * 8 + "\n" in plain
+
+
 def test_ddm_of_the_mcu_plus_demonstration(tmp_path: Path) -> None:
     """TX1, TX3, TX4, TX2 turn by multiples of -60 degrees: the order is that of ddmPhaseShiftAntOrder."""
     radar = Radar.load("awr2944evm", "four_tx")
