@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -14,14 +14,18 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError, Rig, animate, describe, person
 from rfgen_sionna.generative.bodies.gltf import is_animated, load_animation
+from rfgen_sionna.generative.bodies.measured_person import JointResidual, measured_person
 from rfgen_sionna.generative.bodies.sampled import MESH_SUFFIXES, load_mesh_sequence
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
 from rfgen_sionna.generative.motion import ACTIONS, MotionSource, SentenceSource, Skeleton
+from rfgen_sionna.generative.motion.clip_error import ClipError
 from rfgen_sionna.generative.motion.importers import MOTION_SUFFIXES, load_any_motion
-from rfgen_sionna.generative.motion.loaders import ClipError
+from rfgen_sionna.generative.motion.joint_recording import record_joints
+from rfgen_sionna.generative.motion.joint_smoothing import LONGEST_GAP
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
 from rfgen_sionna.generative.radar_placement import check_walk_path, place_before_radar, walk_back
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
+from rfgen_sionna.radar.pose import rotation_matrix
 from rfgen_sionna.records import MeshSequence, Motion
 from rfgen_sionna.scene.mesh_actor import MeshActor
 
@@ -48,6 +52,8 @@ class Actor(MeshActor):
     """Given attributes of the body; the seed drew the rest."""
     decisions: tuple[Decision, ...] = ()
     """Decisions of an actor from a prompt, each with its origin: prompt, argument, default or seed."""
+    residual: JointResidual | None = None
+    """Distances of the body's joints from those that it was made from, of an actor from joints."""
 
     @property
     def action(self) -> str:
@@ -59,11 +65,14 @@ class Actor(MeshActor):
         return self.motion.action if self.motion.seed is not None else f"clip: {self.motion.action}"
 
     def report(self, more: Iterable[Decision] = ()) -> str:
-        """Interpretation of the prompt and every decision with its origin, `more` at the end; several lines.
+        """Interpretation of the prompt and every decision with its origin, `more` at the end; of an actor from joints,
+        the residual of each joint; several lines.
 
         Raises:
-            ValueError: the actor has no prompt.
+            ValueError: the actor is from neither a prompt nor joints.
         """
+        if self.residual is not None:
+            return str(self.residual)
         if self.prompt is None:
             raise ValueError(f"actor '{self.name}' has no prompt and no report; Actor.from_prompt makes one")
         return self.prompt.report((*self.decisions, *more))
@@ -158,7 +167,9 @@ class Actor(MeshActor):
             position=cast(Any, (*place, floor) if position is None else position),
             orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation),
             motion=replace(performed, prompt=said.text), prompt=said, body=rig, phenotype=phenotype,
-            decisions=(*_decisions(said, seed, describe(rig), arguments), *way, _origin(source), _material(material)),
+            decisions=(
+                *prompt_decisions(said, seed, describe(rig), arguments), *way, _origin(source), _material(material),
+            ),
         )  # fmt: skip
 
     @classmethod
@@ -180,15 +191,17 @@ class Actor(MeshActor):
         """Person with a motion, or actor from a mesh sequence.
 
         Args:
-            motion: a motion; its file (AMASS / SMPL / SMPL-H / SMPL-X `.npz`, MDM's or HumanML3D's `.npy`, `.bvh`); a
-                `.glb` file with an animation; or a folder of meshes of fixed connectivity.
+            motion: a motion; its file (SMPL, SMPL-H or SMPL-X parameters as `.npz`, `.npy`, `.pkl` or `.pt`; MDM's or
+                HumanML3D's `.npy`; `.bvh`); a `.glb` file with an animation; or a folder of meshes of fixed
+                connectivity.
             seed: seed of the attributes that `body` leaves open.
             body: body of a person; None draws one. Meshes take none.
-            frame_rate: frame rate of a folder of meshes [Hz], required there; sampling rate of an animation [Hz], None
-                takes 30. Motions take none.
-            up: up axis of an `.npz` or `.bvh` clip, "z" or "y"; None takes z for `.npz`, as in AMASS, and the axis of a
-                standing body for `.bvh`.
-            index: number of the motion in a file (MDM's `results.npy`, animations of a GLB file).
+            frame_rate: poses or meshes per second [Hz], required where a file has none (meshes, videos' parameters);
+                it replaces a file's own, with a warning where they differ. Sampling rate of an animation, None takes
+                30.
+            up: up axis of the file, "z", "y", "-y", ...; None takes the format's own (z for AMASS and meshes, y for
+                glTF, MDM and HumanML3D, "-y" for camera frames, of a standing body for `.bvh`).
+            index: number of the motion in a file (MDM's `results.npy`, animations of a GLB file), or of the person.
             position, orientation, material, name, radar: as in :meth:`from_prompt`, without a prompt.
 
         Raises:
@@ -204,7 +217,7 @@ class Actor(MeshActor):
             if body is not None:
                 raise ValueError("body: an animated mesh is its own body; leave it out")
             rate = 30.0 if frame_rate is None else frame_rate
-            sequence, clip = load_animation(motion, frame_rate=rate, animation=index), None
+            sequence, clip = load_animation(motion, frame_rate=rate, animation=index, up=up), None
         elif not isinstance(motion, Motion) and Path(motion).suffix.lower() not in MOTION_SUFFIXES:
             if not Path(motion).exists():
                 raise FileNotFoundError(f"no motion file or folder of meshes {motion}")
@@ -217,16 +230,16 @@ class Actor(MeshActor):
                 raise ValueError(f"frame_rate: needed for the mesh sequence {motion}, in Hz")
             if body is not None:
                 raise ValueError("body: a mesh sequence is its own body; leave it out")
-            sequence, clip = load_mesh_sequence(motion, frame_rate=frame_rate, name=name), None
+            sequence, clip = load_mesh_sequence(motion, frame_rate=frame_rate, name=name, up=up), None
         else:
-            if frame_rate is not None:
-                raise ValueError("frame_rate: a motion has its own; leave it out")
-            if index and isinstance(motion, Motion):
-                raise ValueError(f"index: {index!r} of a Motion, which is one; allowed is 0")
             if isinstance(motion, Motion):
+                if index or frame_rate is not None or up is not None:
+                    raise ValueError(
+                        "index, frame_rate and up: a Motion is one, with its own rate and z up; leave them out"
+                    )
                 clip = motion
             else:
-                clip = load_any_motion(motion, up=up, index=index, action=Path(motion).stem)
+                clip = load_any_motion(motion, up=up, frame_rate=frame_rate, index=index, action=Path(motion).stem)
             phenotype = None if isinstance(body, Rig) else body or Phenotype()
             rig = body if isinstance(body, Rig) else person(phenotype, seed=seed)
             sequence = animate(rig, clip)
@@ -234,6 +247,78 @@ class Actor(MeshActor):
             sequence, material, name=name, position=cast(Any, (*place, 0.0) if position is None else position),
             orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation), motion=clip, body=rig,
             phenotype=phenotype,
+        )  # fmt: skip
+
+    @classmethod
+    def from_joints(
+        cls,
+        positions: ArrayLike | str | PathLike[str],
+        *,
+        layout: str | None = None,
+        names: Sequence[str] | None = None,
+        up: str | None = None,
+        frame_rate: float | None = None,
+        times: ArrayLike | None = None,
+        scale: float = 1.0,
+        columns: str | None = None,
+        index: int | None = None,
+        longest_gap: float = LONGEST_GAP,
+        body: Rig | Phenotype | None = None,
+        seed: int = 0,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        orientation: ArrayLike = (0.0, 0.0, 0.0),
+        floor: float | None = None,
+        material: str = "skin",
+        name: str = "person",
+    ) -> Actor:
+        """Person whose joints follow recorded positions, with the recorded bone lengths, where the person was.
+
+        Paths are smoothed by smoothing splines of 1 to 6 Hz chosen by cross-validation. Hips, knees, ankles, shoulders,
+        elbows and wrists are needed. `residual` states how far the body's joints are from the smoothed ones.
+
+        Args:
+            positions: (frame, joint, 3) [m], NaN where missing; or (frame, joint, 4) with a confidence of 0 to 1 or a
+                Kinect's tracking state; or (frame, person, joint, 3); or a file: `.npy`, `.npz` (`positions`, and
+                `times` or `frame_rate`, `names`, `confidence`), `.csv` with columns such as `left_knee_x` (and `time`).
+            layout: "kinect_v2" (or "kinect25"), "azure_kinect", "kinect_v1", "mediapipe33", "smpl22", "smpl24",
+                "coco17", "h36m17" or "body25"; None takes `names` or those of the file.
+            names: name of each joint, such as left_hip.
+            up: up axis of the data, "z", "y", "-y" (cameras), ...; None takes z, and refuses data of whom stands along
+                another axis. With "y" and "-y" the data's z axis (what the camera looks along) becomes the world's x.
+            frame_rate: frames per second [Hz]; it replaces a file's own.
+            times: (frame,) increasing times [s], also uneven.
+            scale: metres per unit of the data, 0.001 for millimetres.
+            columns: order of flat columns without names, "xyz" (x, y, z of each joint) or "planar" (all x, all y, ...).
+            index: number of the person, or of the motion in MDM's `results.npy`.
+            longest_gap: longest time without a joint that is interpolated [s].
+            body: body whose bones get the recorded lengths; None draws an adult of the recorded stature.
+            seed: seed of the attributes that `body` leaves open.
+            position: world position of the data's origin [m], such as that of the camera.
+            orientation: (yaw, pitch, roll) of the data's axes in the world [rad], after `up`.
+            floor: height at which the feet stand [m]; None leaves them where they were recorded.
+            material: name of a material.
+            name: name of the person in labels.
+
+        Raises:
+            FileNotFoundError: there is no such file.
+            ClipError: positions, names, axis, unit or times are missing or wrong; the message names the cure.
+            PhenotypeError: the attributes of `body` are out of reach.
+            ImportError: anny (or torch) is not installed.
+        """
+        recording = record_joints(
+            positions, layout=layout, names=names, columns=columns, index=index, up=up, scale=scale,
+            frame_rate=frame_rate, times=times, longest_gap=longest_gap,
+        )  # fmt: skip
+        action = Path(positions).stem if isinstance(positions, (str, PathLike)) else ""
+        measured = measured_person(recording, body=body, seed=seed, action=action)
+        turn = rotation_matrix(orientation)
+        place = np.asarray(position, np.float64) + turn[:, 2] * measured.floor
+        if floor is not None:
+            place[2] = floor
+        return cls(
+            measured.sequence, material, name=name, position=cast(Any, tuple(place)),
+            orientation=cast(Any, orientation), motion=measured.motion, body=measured.sequence.rig,
+            phenotype=body if isinstance(body, Phenotype) else None, residual=measured.residual,
         )  # fmt: skip
 
 
@@ -264,7 +349,7 @@ def _performed(said: ScenePrompt, duration: float, seed: int, skeleton: Skeleton
     )  # fmt: skip
 
 
-def _decisions(said: ScenePrompt, seed: int, person: Phenotype, given: Mapping[str, Any]) -> list[Decision]:
+def prompt_decisions(said: ScenePrompt, seed: int, person: Phenotype, given: Mapping[str, Any]) -> list[Decision]:
     """Decisions of the prompt, with the arguments that replace them and the attributes of the body `person`."""
     found = []
     for decision in said.decisions():

@@ -14,21 +14,23 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.bodies.sampled import SampledSequence
-from rfgen_sionna.generative.motion.loaders import ClipError
+from rfgen_sionna.generative.motion.clip_error import ClipError
+from rfgen_sionna.scene.mesh_files import to_z_up
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_TO_Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""From glTF's axes (y up, +z forward) to ours (z up, +x forward)."""
 
 
-def load_animation(path: str | PathLike[str], *, frame_rate: float = 30.0, animation: int = 0) -> SampledSequence:
+def load_animation(
+    path: str | PathLike[str], *, frame_rate: float = 30.0, animation: int = 0, up: str | None = None
+) -> SampledSequence:
     """Read a GLB file with an animated skinned or jointed mesh; morph targets are ignored.
 
     Args:
         path: `.glb` file, glTF 2.0, in metres.
         frame_rate: sampling rate of the animation [Hz].
         animation: number of the animation.
+        up: up axis of the file, "z", "y", "-y", ...; None is "y", as glTF's standard says.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -40,14 +42,18 @@ def load_animation(path: str | PathLike[str], *, frame_rate: float = 30.0, anima
     if not (np.isfinite(frame_rate) and frame_rate > 0.0):
         raise ClipError(f"frame_rate is {frame_rate!r} Hz; allowed is more than 0")
     try:
-        return _load(path, frame_rate, animation)
+        turn = to_z_up(up or "y", front=True)
+    except ValueError as error:
+        raise ClipError(str(error)) from error
+    try:
+        return _load(path, frame_rate, animation, turn)
     except (KeyError, IndexError, TypeError, AttributeError, RecursionError, ValueError) as error:
         if isinstance(error, ClipError):
             raise
         raise ClipError(f"{path.name}: not a sound GLB file ({type(error).__name__}: {error})") from error
 
 
-def _load(path: Path, frame_rate: float, animation: int) -> SampledSequence:
+def _load(path: Path, frame_rate: float, animation: int, turn: FloatArray) -> SampledSequence:
     file = _Glb(path)
     chosen = file.animation(animation)
     times = np.arange(int(np.floor(file.length(chosen) * frame_rate + 1e-6)) + 1) / frame_rate
@@ -67,7 +73,7 @@ def _load(path: Path, frame_rate: float, animation: int) -> SampledSequence:
             count += len(vertices)
     if not blocks:
         raise ClipError(f"{path.name}: has no triangles")
-    samples = np.concatenate(blocks, axis=1) @ _TO_Z_UP.T
+    samples = np.concatenate(blocks, axis=1) @ turn.T
     if not np.isfinite(samples).all():
         raise ClipError(f"{path.name}: has vertices that are not finite")
     return SampledSequence(samples, np.concatenate(faces).astype(np.int32), float(frame_rate), (path.stem,))

@@ -8,7 +8,15 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.rotations import about, normalised, to_matrices, transpose, twist_angle
-from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, PARENTS, SIDES, Skeleton, global_rotations
+from rfgen_sionna.generative.motion.skeleton import (
+    JOINT,
+    JOINT_NAMES,
+    NUM_BODY_JOINTS,
+    PARENTS,
+    SIDES,
+    Skeleton,
+    global_rotations,
+)
 from rfgen_sionna.records import Motion
 
 RELAXED_CURL = 0.3
@@ -16,9 +24,10 @@ RELAXED_CURL = 0.3
 
 
 def same_proportions(motion: Motion, skeleton: Skeleton) -> bool:
-    """Whether the motion has exactly this skeleton."""
-    same = motion.offsets.shape == skeleton.offsets.shape
-    return same and bool(np.allclose(motion.offsets, skeleton.offsets, atol=1e-6))
+    """Whether the motion has exactly this skeleton, or its 22 joints of the body."""
+    count = len(motion.offsets)
+    same = count in (NUM_BODY_JOINTS, len(skeleton.offsets)) and motion.joint_names == skeleton.joint_names[:count]
+    return same and bool(np.allclose(motion.offsets, skeleton.offsets[:count], atol=1e-6))
 
 
 def joint_rotations(motion: Motion) -> FloatArray:
@@ -50,7 +59,7 @@ def joint_rotations(motion: Motion) -> FloatArray:
 
 
 def root_translation(motion: Motion, skeleton: Skeleton) -> FloatArray:
-    """(frame, 3) pelvis positions [m], heights and distances in proportion to the legs."""
+    """(frame, 3) pelvis positions [m], heights and distances from the start in proportion to the legs."""
     if same_proportions(motion, skeleton):
         return motion.translation.copy()
     names = motion.joint_names
@@ -62,7 +71,8 @@ def root_translation(motion: Motion, skeleton: Skeleton) -> FloatArray:
     ]
     if len(legs) < 4:
         return motion.translation.copy()
-    return motion.translation * (skeleton.leg_length() / (0.5 * float(np.sum(legs))))
+    start = motion.translation[0] * [1.0, 1.0, 0.0]
+    return np.asarray(start + (motion.translation - start) * (skeleton.leg_length() / (0.5 * float(np.sum(legs)))))
 
 
 def bone_rotations(rig: Rig, joints: FloatArray) -> FloatArray:

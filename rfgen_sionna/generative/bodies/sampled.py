@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,8 +13,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.generative.motion.loaders import ClipError
+from rfgen_sionna.generative.motion.clip_error import ClipError
+from rfgen_sionna.scene.mesh_files import to_z_up
 
+_LOG = logging.getLogger(__name__)
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
 
@@ -59,13 +62,17 @@ class SampledSequence:
         return np.empty((0, 3))
 
 
-def load_mesh_sequence(source: str | PathLike[str], *, frame_rate: float, name: str = "mesh") -> SampledSequence:
+def load_mesh_sequence(
+    source: str | PathLike[str], *, frame_rate: float, name: str = "mesh", up: str | None = None
+) -> SampledSequence:
     """Read a sequence of meshes of fixed connectivity, in metres.
 
     Args:
         source: a folder of OBJ, PLY, STL, OFF and glTF files, in the order of the numbers in their names, or one file.
         frame_rate: frames per second [Hz].
         name: name of the mesh's part.
+        up: up axis of the meshes, "z", "y", "-y", ...; None is "y" for glTF files, as its standard says, else "z". The
+            front of a mesh with y up is +z, as in glTF, and turns to +x.
 
     Raises:
         FileNotFoundError: the file or folder does not exist.
@@ -77,6 +84,10 @@ def load_mesh_sequence(source: str | PathLike[str], *, frame_rate: float, name: 
     if not (np.isfinite(frame_rate) and frame_rate > 0.0):
         raise ClipError(f"frame_rate: {frame_rate!r} Hz; allowed is more than 0")
     files = _files(Path(source))
+    try:
+        turn = to_z_up(up or ("y" if files[0].suffix.lower() in (".glb", ".gltf") else "z"), front=True)
+    except ValueError as error:
+        raise ClipError(str(error)) from error
     samples: list[FloatArray] = []
     faces = np.empty((0, 3), np.int32)
     for file in files:
@@ -84,7 +95,7 @@ def load_mesh_sequence(source: str | PathLike[str], *, frame_rate: float, name: 
             mesh = trimesh.load_mesh(file, process=False)
         except Exception as error:  # trimesh's readers raise many kinds
             raise ClipError(f"{file.name}: not a readable mesh ({type(error).__name__}: {error})") from error
-        vertices, triangles = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
+        vertices, triangles = np.asarray(mesh.vertices, np.float64) @ turn.T, np.asarray(mesh.faces, np.int32)
         if len(triangles) == 0:
             raise ClipError(f"{file.name}: has no triangles")
         if not np.isfinite(vertices).all():
@@ -97,6 +108,12 @@ def load_mesh_sequence(source: str | PathLike[str], *, frame_rate: float, name: 
                 f"({len(samples[0])} and {len(faces)}, or in another order); the connectivity must be the same"
             )
         samples.append(vertices)
+    size = np.ptp(samples[0], axis=0)
+    if up is None and size[1] > 2.0 * size[[0, 2]].max():
+        _LOG.warning(
+            "%s: read with z up, though %.2f m along y and %.2f m along z; up='y' would stand it up",
+            files[0].name, size[1], size[2],
+        )  # fmt: skip
     return SampledSequence(np.stack(samples), faces, float(frame_rate), (name,))
 
 

@@ -11,10 +11,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.motion.from_positions import from_y_up
-from rfgen_sionna.generative.motion.loaders import ClipError
-from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
-from rfgen_sionna.records import Motion
+from rfgen_sionna.generative.motion.clip_error import ClipError
+from rfgen_sionna.generative.motion.joint_recording import complete
+from rfgen_sionna.generative.motion.skeleton import JOINT
+from rfgen_sionna.scene.mesh_files import to_z_up
 
 _LOG = logging.getLogger(__name__)
 _NAMES: tuple[tuple[str, str], ...] = (
@@ -39,10 +39,10 @@ _PREFIX = re.compile(r"^(?:bip\d*|mixamorig\d*|bone)[ _.-]+")
 """Prefixes of all names, by program."""
 _SUFFIX = re.compile(r"^(.*\D)[ _.-](l|r|left|right)$")
 """Side after the name, as in Unreal and Blender."""
+_UNITS = {1.0: "metres", 0.1: "decimetres", 0.0254: "inches", 0.01: "centimetres", 0.001: "millimetres"}
+"""Units of length of other programs [m]."""
 _UPRIGHT = 0.7
 """Least cosine between spine and an axis for that axis to be up."""
-_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Matrix for rows, from z up to y up."""
 
 
 @dataclass
@@ -53,16 +53,17 @@ class _Node:
     channels: list[str] = field(default_factory=list)
 
 
-def load_bvh(path: Path, *, unit: float | None = None, up: str | None = None, action: str = "") -> Motion:
-    """Read a BVH file onto the mean adult.
-
-    Joint positions are used, independent of the file's rest pose; hands and the twist of straight limbs stay at rest.
+def bvh_positions(path: Path, *, unit: float | None = None, up: str | None = None) -> tuple[FloatArray, float]:
+    """Joint positions of a person in a BVH file, independent of the file's rest pose.
 
     Args:
         path: the file.
         unit: the file's unit of length [m]; None takes the one among m, dm, inch, cm and mm that gives human legs.
-        up: up axis of the file's world, "y" or "z"; None takes the axis along which the head is over the hips at rest.
-        action: label.
+        up: up axis of the file's world, "y", "z", "-y", ...; None takes the axis along which the head is over the hips
+            at rest.
+
+    Returns:
+        (frame, 22, 3) positions of the body's joints [m], z up, and the frame rate [Hz].
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -72,16 +73,25 @@ def load_bvh(path: Path, *, unit: float | None = None, up: str | None = None, ac
         raise FileNotFoundError(f"no motion file {path}")
     nodes, frames, rate = _parse(path.name, path.read_text(encoding="utf-8", errors="replace"))
     places, found = _positions(nodes, frames), _found(path.name, nodes)
-    if (up or _upright(path.name, nodes, places, found)) == "z":
-        places = places @ _Z_UP
-    positions = _ours(path.name, found, places)
+    try:
+        turn = to_z_up(up or _upright(path.name, nodes, places, found), front=True)
+    except ValueError as error:
+        raise ClipError(str(error)) from error
+    positions = complete({name: places[:, k] @ turn.T for name, k in found.items()})
+    if not np.isfinite(positions).all():
+        raise ClipError(f"{path.name}: joint positions are not finite")
     legs = sum(
         float(np.median(np.linalg.norm(positions[:, JOINT[f"left_{b}"]] - positions[:, JOINT[f"left_{a}"]], axis=-1)))
         for a, b in (("hip", "knee"), ("knee", "ankle"))
     )
     if unit is None:
-        unit = min((1.0, 0.1, 0.0254, 0.01, 0.001), key=lambda u: abs(np.log(max(legs * u, 1e-9) / 0.85)))
-    return from_y_up(positions * unit, rate, action)
+        unit = min(_UNITS, key=lambda u: abs(np.log(max(legs * u, 1e-9) / 0.85)))
+        if not 0.3 < legs * unit < 1.3:
+            raise ClipError(
+                f"{path.name}: legs of {legs:g} units; no unit among {', '.join(_UNITS.values())} gives a person"
+            )
+        _LOG.info("%s: lengths are read as %s, which gives legs of %.2f m", path.name, _UNITS[unit], legs * unit)
+    return positions * unit, rate
 
 
 def _parse(name: str, text: str) -> tuple[list[_Node], FloatArray, float]:
@@ -230,30 +240,3 @@ def _upright(name: str, nodes: list[_Node], places: FloatArray, found: dict[str,
                 _LOG.info("%s: read with z up, since its head is over its hips along z; up='y' overrides", name)
             return "z" if z > abs(y) else "y"
     return "y"
-
-
-def _ours(name: str, found: dict[str, int], places: FloatArray) -> FloatArray:
-    """(frame, 22, 3) positions of the package's joints, y up."""
-    out = np.empty((len(places), NUM_BODY_JOINTS, 3))
-    for joint, k in found.items():
-        out[:, JOINT[joint]] = places[:, k]
-    hips = 0.5 * (out[:, JOINT["left_hip"]] + out[:, JOINT["right_hip"]])
-    shoulders = 0.5 * (out[:, JOINT["left_shoulder"]] + out[:, JOINT["right_shoulder"]])
-    for joint, share in (("spine1", 0.08), ("spine2", 0.4), ("spine3", 0.6), ("neck", 1.02)):
-        # numbering of vertebrae varies: spread them evenly
-        out[:, JOINT[joint]] = hips + share * (shoulders - hips)
-    out[:, JOINT["pelvis"]] = hips
-    for side in ("left", "right"):
-        if f"{side}_collar" not in found:
-            out[:, JOINT[f"{side}_collar"]] = shoulders + 0.15 * (out[:, JOINT[f"{side}_shoulder"]] - shoulders)
-        if f"{side}_foot" not in found:
-            across = out[:, JOINT["left_hip"]] - out[:, JOINT["right_hip"]]
-            ahead = np.cross(across, np.array([0.0, 1.0, 0.0]))
-            ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True)
-            size = np.linalg.norm(
-                out[:, JOINT[f"{side}_ankle"]] - out[:, JOINT[f"{side}_knee"]], axis=-1, keepdims=True
-            )
-            out[:, JOINT[f"{side}_foot"]] = out[:, JOINT[f"{side}_ankle"]] + size * (0.34 * ahead - [0.0, 0.11, 0.0])
-    if not np.isfinite(out).all():
-        raise ClipError(f"{name}: joint positions are not finite")
-    return out

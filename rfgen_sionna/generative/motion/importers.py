@@ -1,48 +1,50 @@
-"""Motion of other programs: MDM's results, HumanML3D features, BVH files."""
+"""Motion of other programs: SMPL parameters, MDM's results, HumanML3D features, BVH files."""
 
 from __future__ import annotations
 
-import io
-import logging
-import pickle
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.motion.from_positions import from_y_up
-from rfgen_sionna.generative.motion.loaders import ClipError, load_motion
-from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, SIDES
+from rfgen_sionna.generative.motion.array_files import ARRAY_SUFFIXES, read_arrays
+from rfgen_sionna.generative.motion.bvh import bvh_positions
+from rfgen_sionna.generative.motion.clip_error import ClipError
+from rfgen_sionna.generative.motion.inverse_kinematics import motion_of_positions
+from rfgen_sionna.generative.motion.joint_files import MDM_RATE, mdm_motion
+from rfgen_sionna.generative.motion.joint_recording import check_size, upright_rotation
+from rfgen_sionna.generative.motion.loaders import chosen_rate, load_motion, recentred
+from rfgen_sionna.generative.motion.rotations import to_matrices
+from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS, forward_kinematics, global_rotations
+from rfgen_sionna.generative.motion.smpl_parameters import is_smpl
 from rfgen_sionna.records import Motion
 
-_LOG = logging.getLogger(__name__)
-MOTION_SUFFIXES = (".npz", ".npy", ".bvh")
-HUMANML_RATE = 20.0
-"""Poses per second of HumanML3D and of MDM's results [Hz]."""
-_LONGER = 0.3
-"""Largest relative standard deviation of a leg bone's length over time; above, positions are no body's."""
-_LYING = 0.35
-"""Cosine of the pelvis' tilt below which nobody stands."""
-_ALLOWED = {
-    *((f"numpy.{core}.multiarray", name) for core in ("core", "_core") for name in ("_reconstruct", "scalar")),
-    *(("numpy", name) for name in ("ndarray", "dtype")),
-}
+MOTION_SUFFIXES = (*ARRAY_SUFFIXES, ".bvh", ".csv")
 
 
-def load_any_motion(path: str | PathLike[str], *, up: str | None = None, index: int = 0, action: str = "") -> Motion:
-    """A motion from a file, by its extension.
+def load_any_motion(
+    path: str | PathLike[str],
+    *,
+    up: str | None = None,
+    frame_rate: float | None = None,
+    index: int = 0,
+    action: str = "",
+) -> Motion:
+    """A motion from a file, by its extension and content, starting over the origin facing +x.
 
-    `.npz`: AMASS, SMPL, SMPL-H, SMPL-X parameters. `.npy`: MDM's `results.npy`, HumanML3D features (frame, 263) or
-    joint positions (frame, 22, 3), at 20 Hz. `.bvh`: motion capture with a human skeleton.
+    `.npz`, `.npy`, `.pkl`, `.pt`: parameters of the SMPL family
+    (:func:`rfgen_sionna.generative.motion.loaders.load_motion`). `.npy` also: MDM's `results.npy`, HumanML3D features
+    (frame, 263) or joint positions (frame, 22, 3). `.bvh`: motion capture with a human skeleton.
 
     Args:
         path: the file.
-        up: up axis of the world of an `.npz` or `.bvh` clip, "z" or "y". None takes z for `.npz` (AMASS) and the axis
-            along which people stand for `.bvh`. `.npy` files have y up.
-        index: number of the motion in a file with several.
+        up: up axis of the clip's world, "z", "y", "-y", ...; None takes the format's own: z for AMASS, y for MDM and
+            HumanML3D, "-y" for camera frames, and the axis along which people stand for `.bvh`.
+        frame_rate: poses per second [Hz]; it replaces that of the file, with a warning where they differ. None takes
+            the file's, for MDM and HumanML3D 20 Hz.
+        index: number of the motion or the person in a file with several.
         action: label.
 
     Raises:
@@ -52,34 +54,21 @@ def load_any_motion(path: str | PathLike[str], *, up: str | None = None, index: 
     path = Path(path)
     if isinstance(index, bool) or not isinstance(index, (int, np.integer)):
         raise ClipError(f"{path.name}: index {index!r}; a whole number is needed")
-    if up not in (None, "y", "z"):
-        raise ClipError(f"up: {up!r}; allowed are 'y', 'z' and None")
     kind = path.suffix.lower()
-    if kind in (".npz", ".bvh"):
-        _check_single(path.name, index)
-    if kind == ".npz":
-        motion = load_motion(path, up=up or "z", action=action)
-        _warn_of_lying(path.name, motion, up or "z")
-        return motion
     if not path.is_file():
         raise FileNotFoundError(f"no motion file {path}")
     if kind == ".npy":
-        if up == "z":
-            raise ClipError(f"{path.name}: up 'z'; MDM's and HumanML3D's motions have y up, leave it out")
-        return _load_npy(path, index, action)
+        return _load_npy(path, up, frame_rate, int(index), action)
     if kind == ".bvh":
-        from rfgen_sionna.generative.motion.bvh import load_bvh
-
-        return load_bvh(path, up=up, action=action)
-    raise ClipError(f"{path.name}: ending {path.suffix!r}; allowed are .npz, .npy and .bvh")
-
-
-def _warn_of_lying(name: str, motion: Motion, up: str) -> None:
-    """Warn of a clip whose person never stands, as with a wrong up axis."""
-    upright = Rotation.from_quat(motion.rotations[:, 0]).as_matrix()[:, 2, 2]
-    if np.quantile(upright, 0.9) < _LYING:
-        other = "y" if up == "z" else "z"
-        _LOG.warning("%s: the person never stands with %s up; a standing person needs up=%r", name, up, other)
+        if index:
+            raise ClipError(f"{path.name}: index {index!r}; it holds one motion, 0")
+        places, rate = bvh_positions(path, up=up)
+        return from_start(motion_of_positions(places, chosen_rate(path.name, rate, frame_rate), action=action))
+    if kind == ".csv":
+        raise ClipError(f"{path.name}: joint positions go to Actor.from_joints, which keeps place and bone lengths")
+    if kind not in MOTION_SUFFIXES:
+        raise ClipError(f"{path.name}: ending {path.suffix!r}; allowed are {', '.join(MOTION_SUFFIXES)}")
+    return load_motion(path, up=up, frame_rate=frame_rate, index=int(index), action=action)
 
 
 def positions_of_humanml(features: FloatArray) -> FloatArray:
@@ -104,95 +93,44 @@ def positions_of_humanml(features: FloatArray) -> FloatArray:
     return np.concatenate([root[:, None], others], axis=1)
 
 
-def _load_npy(path: Path, index: int, action: str) -> Motion:
-    data = _read_npy(path)
+def _load_npy(path: Path, up: str | None, frame_rate: float | None, index: int, action: str) -> Motion:
+    data = read_arrays(path)
+    if is_smpl(data):
+        return load_motion(path, up=up, frame_rate=frame_rate, index=index, action=action)
+    prompt = ""
     if isinstance(data, dict):
-        if "motion" not in data:
-            raise ClipError(f"{path.name}: no 'motion' in it, only {', '.join(map(repr, data))}; MDM's results have it")
-        motions = np.asarray(data["motion"])
-        if motions.ndim != 4 or motions.shape[1:3] != (NUM_BODY_JOINTS, 3):
-            raise ClipError(f"{path.name}: motion has shape {motions.shape}; allowed is (motions, 22, 3, frames)")
-        if not 0 <= index < len(motions):
-            raise ClipError(f"{path.name}: index {index}; it holds {len(motions)} motions, from 0")
-        frames = int(data["lengths"][index]) if "lengths" in data else motions.shape[-1]
-        positions = np.moveaxis(motions[index], -1, 0)[:frames]
-        texts = np.atleast_1d(data.get("text", ()))
-        prompt = str(texts[index]) if index < len(texts) else ""
-        return _of_positions(path.name, positions, action, prompt)
-    _check_single(path.name, index)
-    if not isinstance(data, np.ndarray) or data.dtype.kind not in "fiu":
-        raise ClipError(f"{path.name}: holds {getattr(data, 'dtype', type(data).__name__)}; allowed are numbers")
-    if not data.size:
-        raise ClipError(f"{path.name}: no frames")
-    if data.ndim == 2 and data.shape[1] == 263:
-        positions = positions_of_humanml(data)
-    elif data.ndim == 3 and data.shape[1:] == (NUM_BODY_JOINTS, 3):
-        positions = data
+        positions, prompt = mdm_motion(path.name, data, index)
     else:
-        raise ClipError(
-            f"{path.name}: shape {data.shape}; allowed are HumanML3D's (frames, 263), positions (frames, 22, 3), or"
-            " MDM's results"
-        )
-    return _of_positions(path.name, positions, action)
-
-
-def _of_positions(name: str, positions: FloatArray, action: str, prompt: str = "") -> Motion:
+        if index:
+            raise ClipError(f"{path.name}: index {index!r}; it holds one motion, 0")
+        if not isinstance(data, np.ndarray) or data.dtype.kind not in "fiu":
+            raise ClipError(f"{path.name}: holds {getattr(data, 'dtype', type(data).__name__)}; allowed are numbers")
+        if not data.size:
+            raise ClipError(f"{path.name}: no frames")
+        if data.ndim == 2 and data.shape[1] == 263:
+            positions = positions_of_humanml(data)
+        elif data.ndim == 3 and data.shape[1:] == (NUM_BODY_JOINTS, 3):
+            positions = data
+        else:
+            raise ClipError(
+                f"{path.name}: shape {data.shape}; allowed are HumanML3D's (frames, 263), positions (frames, 22, 3), "
+                "MDM's results and SMPL parameters; positions of other joints go to Actor.from_joints(layout=...)"
+            )
     if not np.size(positions) or not np.isfinite(positions).all():
-        raise ClipError(f"{name}: no frames, or values that are not finite")
-    _check_bones(name, np.asarray(positions, np.float64))
-    return from_y_up(positions, HUMANML_RATE, action, prompt)
+        raise ClipError(f"{path.name}: no frames, or values that are not finite")
+    rate = chosen_rate(path.name, MDM_RATE, frame_rate)
+    names = JOINT_NAMES[:NUM_BODY_JOINTS]
+    places = np.asarray(positions, np.float64)
+    check_size(path.name, places, names)
+    places = places @ upright_rotation(path.name, places, names, up or "y").T
+    return from_start(motion_of_positions(places, rate, action=action, prompt=prompt))
 
 
-def _check_single(name: str, index: int) -> None:
-    if index:
-        raise ClipError(f"{name}: index {index!r}; it holds one motion, 0")
-
-
-def _check_bones(name: str, positions: FloatArray) -> None:
-    """Check that thighs and shanks have a constant, nonzero length."""
-    bones = [
-        np.linalg.norm(positions[:, JOINT[f"{side}_{b}"]] - positions[:, JOINT[f"{side}_{a}"]], axis=-1)
-        for side in SIDES
-        for a, b in (("hip", "knee"), ("knee", "ankle"))
-    ]
-    if min(float(np.median(b)) for b in bones) < 1e-6:
-        raise ClipError(f"{name}: all joints coincide; legs of some length are needed")
-    spread = max(float(b.std() / b.mean()) for b in bones)
-    if spread > _LONGER:
-        raise ClipError(
-            f"{name}: a leg's bone changes its length by {100 * spread:.0f} %, allowed are {100 * _LONGER:.0f} %; "
-            "features that were normalised for training must be multiplied by Std.npy, and Mean.npy added, first"
-        )
-
-
-class _ArraysOnly(pickle.Unpickler):
-    """Unpickler of plain containers and arrays; refuses everything executable."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) not in _ALLOWED:
-            raise ClipError(f"the file loads {module}.{name}; only arrays, texts and numbers are allowed")
-        return super().find_class(module, name)
-
-
-def _read_npy(path: Path) -> Any:
-    raw = path.read_bytes()
-    try:
-        return np.load(io.BytesIO(raw), allow_pickle=False)
-    except ValueError as error:
-        if "allow_pickle" not in str(error):
-            raise ClipError(f"{path.name}: not a readable .npy file ({error})") from error
-    except (EOFError, OSError) as error:
-        raise ClipError(f"{path.name}: not a readable .npy file ({error})") from error
-    if not raw.startswith(np.lib.format.MAGIC_PREFIX):
-        raise ClipError(f"{path.name}: not a readable .npy file")
-    try:
-        stream = io.BytesIO(raw)
-        version = np.lib.format.read_magic(stream)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        read(stream)
-        boxed = _ArraysOnly(stream).load()
-    except (ValueError, pickle.UnpicklingError, EOFError) as error:
-        if isinstance(error, ClipError):
-            raise
-        raise ClipError(f"{path.name}: not a readable .npy file ({error})") from error
-    return boxed.item() if isinstance(boxed, np.ndarray) and boxed.shape == () else boxed
+def from_start(motion: Motion) -> Motion:
+    """The motion, turned and shifted to start over the origin facing +x, its lowest joints on the floor."""
+    rotations = motion.rotations.copy()
+    world = global_rotations(to_matrices(motion.rotations), motion.parents)
+    places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
+    floor = np.array([0.0, 0.0, np.percentile(places[..., 2].min(axis=1), 5.0)])
+    rotations[:, 0], translation = recentred(rotations[:, 0], motion.translation - floor)
+    return replace(motion, rotations=rotations, translation=translation)

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
-from rfgen_sionna.generative.motion.from_positions import motion_from_positions
+from rfgen_sionna.generative.motion.clip_error import ClipError
 from rfgen_sionna.generative.motion.importers import load_any_motion, positions_of_humanml
-from rfgen_sionna.generative.motion.loaders import ClipError
+from rfgen_sionna.generative.motion.inverse_kinematics import motion_of_positions
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import (
     JOINT,
@@ -45,13 +45,20 @@ def shape(places: FloatArray) -> FloatArray:
 @pytest.mark.parametrize("action", ["walk", "jumping_jacks", "pick_up", "push", "t_pose"])
 def test_positions_give_the_joints_back(action: str) -> None:
     places = joints(SOURCE(action, 4.0, 1))
-    made = motion_from_positions(places, 20.0)
+    made = motion_of_positions(places, 20.0)
     # the spine has no length of its own in the positions: bending shortens it by millimetres
-    assert np.abs(joints(made) - places).max() < 0.008
+    error = np.linalg.norm(joints(made) - places, axis=-1)
+    toes = [JOINT["left_foot"], JOINT["right_foot"]]
+    assert np.delete(error, toes, axis=1).max() < 0.008
+    # feet near the floor are levelled, as the noise of cameras needs
+    assert error[:, toes].max() < 0.03
+    lengths = [np.linalg.norm(m.offsets[4:NUM_BODY_JOINTS], axis=-1) for m in (made, SOURCE(action, 4.0, 1))]
+    limbs = [JOINT[f"{s}_{j}"] - 4 for s in ("left", "right") for j in ("knee", "ankle", "elbow", "wrist")]
+    np.testing.assert_allclose(lengths[0][limbs], lengths[1][limbs], rtol=0.01)
 
 
 def test_knees_and_elbows_are_hinges() -> None:
-    made = motion_from_positions(joints(PICK), 20.0)
+    made = motion_of_positions(joints(PICK), 20.0)
     local = to_matrices(made.rotations)
     for side in ("left", "right"):
         knee = local[:, JOINT[f"{side}_knee"]]
@@ -63,11 +70,11 @@ def test_knees_and_elbows_are_hinges() -> None:
 
 def test_bad_positions_are_named() -> None:
     with pytest.raises(ValueError, match="shape"):
-        motion_from_positions(np.zeros((3, 21, 3)), 20.0)
+        motion_of_positions(np.zeros((3, 21, 3)), 20.0)
     with pytest.raises(ValueError, match="frame_rate"):
-        motion_from_positions(joints(WALK), 0.0)
+        motion_of_positions(joints(WALK), 0.0)
     with pytest.raises(ValueError, match="finite"):
-        motion_from_positions(joints(WALK) * np.nan, 20.0)
+        motion_of_positions(joints(WALK) * np.nan, 20.0)
 
 
 def humanml(places: FloatArray) -> FloatArray:
@@ -99,7 +106,7 @@ def test_humanml_features_give_the_walk_back(tmp_path: Path) -> None:
     assert np.abs(back - (places[:-1] - start)).max() < 1e-9
     np.save(tmp_path / "clip.npy", rows)
     motion = load_any_motion(tmp_path / "clip.npy", action="walk")
-    assert np.abs(shape(joints(motion)) - shape(joints(WALK)[:-1])).max() < 0.01
+    assert np.abs(shape(joints(motion)) - shape(joints(WALK)[:-1])).max() < 0.03
     assert motion.frame_rate == 20.0
 
 
@@ -210,8 +217,8 @@ def test_a_bvh_file_with_z_up_is_the_same_motion(tmp_path: Path) -> None:
     )
     np.testing.assert_allclose(seen, one, atol=2e-3)
     np.testing.assert_array_equal(seen, said)
-    with pytest.raises(ClipError, match=r"up: 'x'.*'y', 'z'"):
-        load_any_motion(tmp_path / "y.bvh", up="x")
+    with pytest.raises(ClipError, match=r"up: 'w'.*'y', 'x'"):
+        load_any_motion(tmp_path / "y.bvh", up="w")
     lying = joints(load_any_motion(tmp_path / "z.bvh", up="y"))
     assert np.ptp(lying[..., 2], axis=1).mean() < 0.7 * np.ptp(one[..., 2], axis=1).mean()
 

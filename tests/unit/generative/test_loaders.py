@@ -158,7 +158,7 @@ def test_files_that_are_not_there_or_not_clips(tmp_path):
     with pytest.raises(ClipError, match="not a readable"):
         load_motion(tmp_path / "text.npz")
     with pytest.raises(ClipError, match="up"):
-        load_motion(clip(tmp_path), up="x")
+        load_motion(clip(tmp_path), up="w")
 
 
 def test_a_clip_on_a_body_stands_on_the_floor(tmp_path):
@@ -229,8 +229,35 @@ def test_a_mesh_sequence_as_an_actor(tmp_path):
     assert actor.vertices(0.0)[:, 0].mean() == pytest.approx(2.0)
     with pytest.raises(ValueError, match="frame_rate: needed"):
         Actor.from_motion(tmp_path / "seq")
-    with pytest.raises(ValueError, match="frame_rate: a motion has its own"):
-        Actor.from_motion(clip(tmp_path), frame_rate=3.0)
+
+
+def test_axis_and_rate_can_always_be_given(tmp_path, caplog):
+    """A rate replaces the file's own, with a warning; a file without one needs it; meshes stand as told."""
+    path = clip(tmp_path)
+    assert load_motion(path, frame_rate=30.0).frame_rate == 30.0
+    assert "frame_rate=30 Hz replaces the file's 60 Hz" in caplog.text
+    np.savez(tmp_path / "bare.npz", poses=np.tile(UPRIGHT, (5, 24)), trans=np.zeros((5, 3)))
+    with pytest.raises(ClipError, match=r"frame_rate= \[Hz\] is needed"):
+        load_motion(tmp_path / "bare.npz")
+    assert load_motion(tmp_path / "bare.npz", frame_rate=25.0).frame_rate == 25.0
+    with pytest.raises(ClipError, match="more than 0"):
+        load_motion(path, frame_rate=-1.0)
+    folder = tmp_path / "boxes"
+    folder.mkdir()
+    for k in range(3):
+        box = trimesh.creation.box((0.4, 1.7, 0.3))
+        box.apply_translation((0.0, 0.85, 0.05 * k))
+        box.export(folder / f"frame{k:03d}.obj")
+    caplog.clear()
+    lying = load_mesh_sequence(folder, frame_rate=20.0).vertices(0.0)
+    assert "up='y' would stand it up" in caplog.text
+    assert np.ptp(lying[:, 2]) == pytest.approx(0.3)
+    standing = Actor.from_motion(folder, frame_rate=20, up="y", position=(0, 0, 0), orientation=(0, 0, 0))
+    assert np.ptp(standing.vertices(0.0)[:, 2]) == pytest.approx(1.7)
+    # what was ahead along z is ahead along x
+    assert standing.vertices(0.1)[:, 0].mean() == pytest.approx(0.1)
+    with pytest.raises(ClipError, match="up: 'w'"):
+        load_mesh_sequence(folder, frame_rate=20.0, up="w")
 
 
 def test_an_index_where_there_is_one_motion_is_refused(tmp_path):
