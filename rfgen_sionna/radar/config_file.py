@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import os
 import re
@@ -95,6 +96,8 @@ def _text(path: Path) -> str:
     if path.stat().st_size > _LARGEST:
         raise RadarConfigError(f"{path} has {path.stat().st_size:,} bytes and is no radar file: {ACCEPTED} is needed")
     content = path.read_bytes()
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):  # redirected output of PowerShell
+        return content.decode("utf-16", errors="replace")
     if b"\0" in content:
         raise RadarConfigError(f"{path} is binary and no radar file: {ACCEPTED} is needed")
     try:

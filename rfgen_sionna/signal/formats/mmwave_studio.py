@@ -13,6 +13,7 @@ from typing import Any
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.board_frames import FRAME, BoardFrames, enabled_rx, named_tx
+from rfgen_sionna.radar.config import RadarConfigError
 from rfgen_sionna.radar.radar_fields import preset_waveform
 from rfgen_sionna.radar.studio_json import read_studio_config
 from rfgen_sionna.signal.formats.capture import CaptureFormatError
@@ -90,7 +91,7 @@ def _read(path: Path, hardware: Radar, devices: int | None, preset: str | None) 
         radar = _with_frames(hardware, studio.frames, preset)
     except KeyError as error:
         raise CaptureFormatError(f"'{path}' lacks {error}") from error
-    except (TypeError, ValueError, IndexError) as error:
+    except (AttributeError, TypeError, ValueError, IndexError) as error:
         raise CaptureFormatError(f"'{path}': {error}") from error
     times = periodic_times(studio.num_frames, radar) if studio.num_frames else None
     return Description(
@@ -109,7 +110,10 @@ def _with_frames(hardware: Radar, frames: BoardFrames, preset: str | None) -> Ra
         raise ValueError(f"preset is {preset!r}; presets: {', '.join(frames.presets)}")
     if hardware.adc.real and not frames.real:
         raise ValueError(f"b2AdcOutFmt is that of complex samples; radar '{hardware.name}' has real ones")
-    values = named_tx(frames.presets[chosen], hardware.tx_names, hardware.name)
+    try:
+        values = named_tx(frames.presets[chosen], hardware.tx_names, hardware.name)
+    except RadarConfigError as error:
+        raise ValueError(f"{error}, those of preset '{hardware.preset}': take one that fires all of them") from error
     if not any(chirp["slope_hz_per_s"] for chirp in values.get("profile", (values,))):
         values["max_range_m"] = hardware.max_range
     transmitter = {"phase_step_deg": hardware.waveform.phase_step_deg}

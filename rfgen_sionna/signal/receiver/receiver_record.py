@@ -161,7 +161,7 @@ def _coupling(record: Any, radar: Radar) -> Coupling:
 
 
 def _interferer(record: Any) -> Interferer:
-    place = ("preset", "position", "orientation", "look_at")
+    place = ("preset", "board", "position", "orientation", "look_at")
     known = (*(item.name for item in fields(Interferer)), *place)
     if not isinstance(record, Mapping) or "radar" not in record:
         raise ValueError(f"receiver.interferers has {record!r}: a table with a 'radar' is needed")
