@@ -8,8 +8,7 @@ import signal
 import sys
 import threading
 import warnings
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import NoReturn
 
 import typer
 from rich.markup import escape
@@ -17,15 +16,13 @@ from rich.table import Table
 
 from rfgen_sionna.cli.benchmark import EPILOG as BENCH_EPILOG
 from rfgen_sionna.cli.benchmark import bench
-from rfgen_sionna.cli.console import draw, report_written, warn
 from rfgen_sionna.cli.console import err as _err
 from rfgen_sionna.cli.console import out as _out
+from rfgen_sionna.cli.console import warn
 from rfgen_sionna.cli.generate import EPILOG, generate
 from rfgen_sionna.cli.motions import EPILOG as MOTIONS_EPILOG
 from rfgen_sionna.cli.motions import motions
-
-if TYPE_CHECKING:
-    from rfgen_sionna.dataset import Run
+from rfgen_sionna.cli.recorded import EXPORT_EPILOG, SHOW_EPILOG, export, show
 
 app = typer.Typer(
     name="rfgen",
@@ -69,90 +66,10 @@ def radars() -> None:
     _out.print("frame: loops × samples; Hz: frames per second; range, speed: resolution, unambiguous maximum")
 
 
-@app.command(
-    epilog="""[bold]Examples[/bold]
-
-rfgen show jacks.h5
-
-rfgen show jacks.h5 --overwrite
-
-Existing pictures are kept unless --overwrite is given."""
-)
-def show(
-    file: Annotated[Path, typer.Argument(help="HDF5 file of `rfgen generate`.", show_default=False)],
-    pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation (GIF), too.")] = True,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")] = False,
-) -> None:
-    """Summarise a run file and draw its pictures."""
-    from rfgen_sionna.show import summary
-
-    _out.print(escape(summary(file)), soft_wrap=True)
-    if pictures:
-        draw(file, overwrite, keep=True)
-
-
-@app.command(
-    epilog="""[bold]Examples[/bold]
-
-rfgen export jacks.h5 --format dca1000 --output captures/
-
-rfgen export jacks.h5 --format matlab --output jacks.mat
-
-rfgen export jacks.h5 --format dca1000 --output captures/ --scale=-20dBm"""
-)
-def export(
-    file: Annotated[Path, typer.Argument(help="HDF5 file of `rfgen generate`.", show_default=False)],
-    format: Annotated[
-        str, typer.Option("--format", help="dca1000, cascade, position2go, rfgenesis or matlab.", show_default=False)
-    ],
-    output: Annotated[Path, typer.Option(help="File or folder to write, by format.", show_default=False)],
-    radar: Annotated[str | None, typer.Option(help="Name of the radar, in a file of several.")] = None,
-    scale: Annotated[
-        str, typer.Option(help='"auto", a number in √W per LSB, or the full scale as a power, such as -20dBm.')
-    ] = "auto",
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
-) -> None:
-    """Export the samples to a capture format of a radar's own tools."""
-    from rfgen_sionna.dataset import open_run
-    from rfgen_sionna.records import AdcCube
-    from rfgen_sionna.signal.formats import write_capture
-
-    options = _scale(scale)
-    with open_run(file) as whole, _out.status("exporting"):
-        run = _one_radar(whole, radar)
-        # lazily: one frame at a time is read and written
-        cube = AdcCube(run.adc, run.radar, run.frame_times, run.seeds.get("noise"))
-        report = write_capture(cube, output, format, overwrite=overwrite, **options)
-    for path in report.paths:
-        report_written(path)
-    level = "" if report.full_scale_dbm is None else f", full scale {report.full_scale_dbm:.1f} dBm"
-    _out.print(f"{report.frames} frames, {report.scale:g} √W per LSB{level}, {report.clipped} values clipped")
-
-
+app.command(epilog=SHOW_EPILOG)(show)
+app.command(epilog=EXPORT_EPILOG)(export)
 app.command(epilog=MOTIONS_EPILOG)(motions)
 app.command(epilog=BENCH_EPILOG)(bench)
-
-
-def _one_radar(run: Run, name: str | None) -> Run:
-    """Run of the radar `name`, or of the only one."""
-    if name is None and len(run.radars) == 1:
-        return next(iter(run.radars.values()))
-    if name not in run.radars:
-        given = "is not given" if name is None else f"is {name!r}"
-        raise ValueError(f"--radar {given}; '{run.path}' has {', '.join(map(repr, run.radars))}: name one of them")
-    return run[name]
-
-
-def _scale(text: str) -> dict[str, Any]:
-    number, decibels = text.strip().lower(), False
-    if number == "auto":
-        return {}
-    if number.endswith("dbm"):
-        number, decibels = number.removesuffix("dbm"), True
-    try:
-        return {"full_scale_dbm" if decibels else "scale": float(number)}
-    except ValueError:
-        raise ValueError(f"--scale: {text!r} is not auto, a number of √W per LSB, or a power such as -20dBm") from None
 
 
 class _LogLines(logging.Handler):

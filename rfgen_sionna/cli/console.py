@@ -14,6 +14,7 @@ from rfgen_sionna.progress_bar import progress_bar
 
 if TYPE_CHECKING:
     from rfgen_sionna.dataset import Run
+    from rfgen_sionna.signal.formats import Capture
 
 out = Console()
 err = Console(stderr=True)
@@ -26,11 +27,11 @@ def draw(file: Path, overwrite: bool, keep: bool = False) -> None:
     with open_run(file) as run:
         for name, each in run.radars.items():
             stem = file.stem if each is run else f"{file.stem}-{name.replace(' ', '-')}"
-            _draw_run(each, file.with_stem(stem), overwrite, keep)
+            draw_run(each, file.with_stem(stem), overwrite, keep)
 
 
-def _draw_run(run: Run, file: Path, overwrite: bool, keep: bool) -> None:
-    """Draw sheet and film of one radar's run, with the name of `file`."""
+def draw_run(run: Run | Capture, file: Path, overwrite: bool, keep: bool) -> None:
+    """Draw sheet and film of one radar's run, or of a capture, with the name of `file`."""
     from rfgen_sionna.show import NoPictureError, animation, sheet
 
     try:

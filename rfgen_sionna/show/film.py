@@ -15,18 +15,20 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 from PIL import Image
 
-from rfgen_sionna.dataset import Run, check_output
+from rfgen_sionna.dataset import check_output
+from rfgen_sionna.show.displayable import Displayable, displayed
 from rfgen_sionna.show.page import headline, velocity_limit
 from rfgen_sionna.show.panels import draw_range_doppler
-from rfgen_sionna.show.run_view import display_range, opened, view_frame
+from rfgen_sionna.show.run_view import display_range, view_frame
 from rfgen_sionna.show.scene_plot import DecimatedMesh, PlotLimits, draw_scene
 from rfgen_sionna.show.style import INK
+from rfgen_sionna.signal.formats import Capture
 
 Picture = NDArray[np.uint8]
 
 
 def animation(
-    run: Run | str | os.PathLike[str],
+    run: Displayable | Capture | str | os.PathLike[str],
     output: str | os.PathLike[str],
     *,
     overwrite: bool = False,
@@ -38,7 +40,7 @@ def animation(
     Parameters
     ----------
     run
-        An open run or the path of one.
+        An open run, an open capture, or the path of a run.
     output
         GIF file.
     overwrite
@@ -63,7 +65,7 @@ def animation(
     if target.suffix != ".gif":
         raise ValueError(f"output '{target}' ends in '{target.suffix}'; allowed: .gif")
     check_output(target, overwrite)
-    with opened(run) as source:
+    with displayed(run) as source:
         pictures = _pictures(source, dpi, progress)
         times = source.frame_times
         interval = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
@@ -74,7 +76,7 @@ def animation(
     return target
 
 
-def _pictures(run: Run, dpi: int, progress: Callable[[int, int], None] | None) -> list[Picture]:
+def _pictures(run: Displayable, dpi: int, progress: Callable[[int, int], None] | None) -> list[Picture]:
     """One picture a frame, all with the same limits and colours."""
     limits = PlotLimits.of(run)
     meshes = {name: DecimatedMesh.of(actor) for name, actor in run.actors.items()}

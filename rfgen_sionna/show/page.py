@@ -12,16 +12,18 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
 
-from rfgen_sionna.dataset import Run, check_output
+from rfgen_sionna.dataset import check_output
 from rfgen_sionna.show import panels
+from rfgen_sionna.show.displayable import Displayable, displayed
 from rfgen_sionna.show.run_summary import radar_line
-from rfgen_sionna.show.run_view import check_frame, display_range, opened, view_frame, view_run
+from rfgen_sionna.show.run_view import check_frame, display_range, view_frame, view_run
 from rfgen_sionna.show.scene_plot import DecimatedMesh, PlotLimits, draw_scene
 from rfgen_sionna.show.style import INK, MUTED
+from rfgen_sionna.signal.formats import Capture
 
 
 def sheet(
-    run: Run | str | os.PathLike[str],
+    run: Displayable | Capture | str | os.PathLike[str],
     output: str | os.PathLike[str],
     *,
     frame: int | None = None,
@@ -33,7 +35,7 @@ def sheet(
     Parameters
     ----------
     run
-        An open run or the path of one.
+        An open run, an open capture, or the path of a run.
     output
         Picture file; its suffix selects the format (.png, .pdf, .jpg …).
     frame
@@ -58,7 +60,7 @@ def sheet(
     allowed = Figure().canvas.get_supported_filetypes()
     if target.suffix.lstrip(".").lower() not in allowed:
         raise ValueError(f"output '{target}' ends in '{target.suffix}'; allowed: .{', .'.join(sorted(allowed))}")
-    with opened(run) as source:
+    with displayed(run) as source:
         chosen = None if frame is None else check_frame(source, frame)
         page = _draw(source, chosen)
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
@@ -68,7 +70,7 @@ def sheet(
     return target
 
 
-def _draw(run: Run, frame: int | None) -> Figure:
+def _draw(run: Displayable, frame: int | None) -> Figure:
     whole = view_run(run)
     frame = whole.most_active_frame if frame is None else frame
     view = view_frame(run, frame)
@@ -102,7 +104,7 @@ def _draw(run: Run, frame: int | None) -> Figure:
     return page
 
 
-def headline(run: Run) -> str:
+def headline(run: Displayable) -> str:
     """Prompt, or names of the actors, and environment."""
     text = run.prompt or ", ".join(run.actors) or "radar run"
     return f"“{text}” — {run.environment}" if run.environment else f"“{text}”"

@@ -10,9 +10,9 @@ from matplotlib.collections import Collection
 from matplotlib.figure import Figure
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.dataset import Run
 from rfgen_sionna.processing.spectrum import decibel, watts_to_dbm
 from rfgen_sionna.records import Pir
+from rfgen_sionna.show.displayable import Displayable
 from rfgen_sionna.show.run_view import FrameView, RunView
 from rfgen_sionna.show.style import DELAY_MAP, LEVEL_MAP, VELOCITY_MAP, edges, level_limits, plain, scale, titled
 
@@ -49,7 +49,7 @@ def draw_pir(figure: Figure, axes: Sequence[Axes], pir: Pir) -> None:
 
 
 def draw_range_doppler(figure: Figure, axes: Axes, view: FrameView, far: float, top: float | None = None) -> None:
-    """Level over radial velocity and range up to `far` [m]; `top` [dBm] fixes the upper end of the colours."""
+    """Level over radial velocity and range up to `far` [m]; `top` fixes the upper end of the colours."""
     rows = view.range <= far
     level = view.range_doppler[rows]
     low, high = level_limits(level)
@@ -61,7 +61,7 @@ def draw_range_doppler(figure: Figure, axes: Axes, view: FrameView, far: float, 
     titled(axes, "Range–Doppler", "static included" if view.static else "static removed")
     plain(axes, "radial velocity [m/s]   (+ receding)", "range [m]")
     axes.set_ylim(0, far)
-    scale(figure, drawn, axes, "mean channel power [dBm]")
+    scale(figure, drawn, axes, f"mean channel power [{view.unit}]")
 
 
 def draw_azimuth(figure: Figure, axes: Axes, view: FrameView, far: float) -> None:
@@ -88,10 +88,10 @@ def draw_azimuth(figure: Figure, axes: Axes, view: FrameView, far: float) -> Non
     side = 0.8 * far
     axes.set_xlim(side, -side)
     axes.set_ylim(0, far)
-    scale(figure, drawn, axes, "beam power [dBm]")
+    scale(figure, drawn, axes, f"beam power [{view.unit}]")
 
 
-def draw_range_time(figure: Figure, axes: Axes, run: Run, view: RunView, far: float) -> None:
+def draw_range_time(figure: Figure, axes: Axes, run: Displayable, view: RunView, far: float) -> None:
     """Moving part of the range profiles over time, up to `far` [m], with the labelled distances."""
     spectrum = view.range_time
     rows = spectrum.range <= far
@@ -100,10 +100,10 @@ def draw_range_time(figure: Figure, axes: Axes, run: Run, view: RunView, far: fl
     plain(axes, "time [s]", "range [m]")
     axes.set_ylim(0, far)
     _truth(axes, run, "distance")
-    scale(figure, drawn, axes, "mean power [dBm]")
+    scale(figure, drawn, axes, f"mean power [{view.unit}]")
 
 
-def draw_doppler_time(figure: Figure, axes: Axes, run: Run, view: RunView) -> None:
+def draw_doppler_time(figure: Figure, axes: Axes, run: Displayable, view: RunView) -> None:
     """Moving part of the Doppler spectra over time, with the labelled radial velocities."""
     spectrum = view.doppler_time
     drawn = _over_time(axes, spectrum.time, spectrum.velocity, watts_to_dbm(spectrum.power.T))
@@ -112,7 +112,7 @@ def draw_doppler_time(figure: Figure, axes: Axes, run: Run, view: RunView) -> No
     titled(axes, "Doppler–time", f"{note}, static removed")
     plain(axes, "time [s]", "radial velocity [m/s]")
     _truth(axes, run, "radial_velocity")
-    scale(figure, drawn, axes, "power over all ranges [dBm]")
+    scale(figure, drawn, axes, f"power over all ranges [{view.unit}]")
 
 
 def _over_time(axes: Axes, time: FloatArray, values: FloatArray, level: FloatArray) -> Collection:
@@ -120,7 +120,7 @@ def _over_time(axes: Axes, time: FloatArray, values: FloatArray, level: FloatArr
     return axes.pcolormesh(edges(time), edges(values), level, cmap=LEVEL_MAP, vmin=low, vmax=high, rasterized=True)
 
 
-def _truth(axes: Axes, run: Run, label: str) -> None:
+def _truth(axes: Axes, run: Displayable, label: str) -> None:
     record = run.labels.get(label)
     if record is None or record.values.ndim != 2 or record.values.dtype.kind != "f":
         return

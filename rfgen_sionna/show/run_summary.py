@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 
 import numpy as np
 
-from rfgen_sionna.dataset import Run
-from rfgen_sionna.show.run_view import opened
+from rfgen_sionna.dataset import Run, open_run
+from rfgen_sionna.show.capture_summary import capture_lines
+from rfgen_sionna.show.displayable import Displayable
+from rfgen_sionna.signal.formats import Capture
 
 
-def radar_line(run: Run) -> str:
+def radar_line(run: Displayable | Capture) -> str:
     """The radar's configuration in one line."""
     radar = run.radar
     wave = radar.waveform
@@ -28,9 +31,15 @@ def radar_line(run: Run) -> str:
     )
 
 
-def summary(run: Run | str | os.PathLike[str]) -> str:
-    """Summary of a run, open or given by its path: contents, sizes and seeds, a few lines of plain text a radar."""
-    with opened(run) as source:
+def summary(run: Run | Capture | str | os.PathLike[str]) -> str:
+    """Summary of a run, open or given by its path, or of a capture: contents, sizes and seeds, a few lines of plain
+    text a radar. That of a capture reads its samples once."""
+    if isinstance(run, Capture):
+        files, described, *others = capture_lines(run)
+        return _table([files, described, ("radar", radar_line(run)), *others])
+    if isinstance(run, Run):
+        return "\n\n".join(map(_summary, run.radars.values()))
+    with open_run(run) as source:
         return "\n\n".join(map(_summary, source.radars.values()))
 
 
@@ -64,7 +73,11 @@ def _summary(source: Run) -> str:
         ("software", ", ".join(f"{name} {version}" for name, version in source.software.items())),
     ]
     report = f"\n\n{source.report}" if source.report else ""
-    return "\n".join(f"{name:<12} {text}".rstrip() for name, text in rows) + report
+    return _table(rows) + report
+
+
+def _table(rows: Sequence[tuple[str, str]]) -> str:
+    return "\n".join(f"{name:<12} {text}".rstrip() for name, text in rows)
 
 
 def _pir_line(run: Run) -> str:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,37 +9,27 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
-from rfgen_sionna.dataset import Run, open_run
 from rfgen_sionna.processing.azimuth import RangeAzimuth, range_azimuth
 from rfgen_sionna.processing.demultiplex import select_profile, select_slot
 from rfgen_sionna.processing.pointcloud import PointCloud, point_cloud
 from rfgen_sionna.processing.spectrogram import DopplerTime, RangeTime, doppler_time, micro_doppler, range_time
 from rfgen_sionna.processing.spectrum import range_axis, range_doppler, watts_to_dbm
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.show.displayable import Displayable, power_unit
 
 
 class NoPictureError(ValueError):
     """The run's samples have no such picture."""
 
 
-@contextmanager
-def opened(run: Run | str | os.PathLike[str]) -> Iterator[Run]:
-    """Context of an open run or of the run at a path, which is closed at the end."""
-    if isinstance(run, Run):
-        yield run
-    else:
-        with open_run(run) as own:
-            yield own
-
-
-def check_frame(run: Run, frame: int) -> int:
+def check_frame(run: Displayable, frame: int) -> int:
     """`frame` as an index from 0, from the end if negative; ValueError if the run has no such frame."""
     if isinstance(frame, bool) or not isinstance(frame, int | np.integer) or not -len(run) <= frame < len(run):
         raise ValueError(f"frame is {frame!r}; '{run.path}' has the frames 0 … {len(run) - 1}")
     return int(frame) % len(run)
 
 
-def displayed_samples(run: Run, samples: ArrayLike) -> tuple[NDArray[np.complexfloating[Any, Any]], Radar]:
+def displayed_samples(run: Displayable, samples: ArrayLike) -> tuple[NDArray[np.complexfloating[Any, Any]], Radar]:
     """Samples (..., chirp, tx, rx, sample) for pictures, and their radar: the first profile, the first beam.
 
     Raises
@@ -73,9 +60,11 @@ class RunView:
     """Whether the Doppler-time picture has one column a frame (pauses between frames)."""
     most_active_frame: int
     """Frame with the largest mean speed, weighted with the power above the noise."""
+    unit: str = "dBm"
+    """Of levels."""
 
 
-def view_run(run: Run) -> RunView:
+def view_run(run: Displayable) -> RunView:
     """Spectrograms of a run."""
     radar, times = displayed_samples(run, run.adc[:1])[1], run.frame_times
     gaps = np.diff(times)
@@ -95,7 +84,7 @@ def view_run(run: Run) -> RunView:
         cube, _ = displayed_samples(run, run.adc[:])
         distance = range_time(cube, radar, frame_times=times)
         doppler = micro_doppler(cube, radar, frame_times=times)
-    return RunView(distance, doppler, per_frame, _most_active_frame(doppler, times))
+    return RunView(distance, doppler, per_frame, _most_active_frame(doppler, times), power_unit(run))
 
 
 def _most_active_frame(spectrum: DopplerTime, times: FloatArray) -> int:
@@ -111,7 +100,7 @@ class FrameView:
     """Processed data of one frame."""
 
     range_doppler: FloatArray
-    """(range, velocity) level [dBm], mean over the channels."""
+    """(range, velocity) level [`unit`], mean over the channels."""
     static: bool
     """Whether the maps include static returns."""
     range: FloatArray
@@ -121,9 +110,11 @@ class FrameView:
     azimuth: RangeAzimuth
     cloud: PointCloud
     """Moving detections."""
+    unit: str = "dBm"
+    """Of levels."""
 
 
-def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
+def view_frame(run: Displayable, frame: int, *, static: bool = True) -> FrameView:
     """Range-Doppler and range-azimuth maps and the point cloud of one frame; `static` keeps static returns."""
     samples, radar = displayed_samples(run, run.adc[frame])
     # At most 12 training cells, fewer in short frames.
@@ -140,10 +131,11 @@ def view_frame(run: Run, frame: int, *, static: bool = True) -> FrameView:
         cloud=point_cloud(
             samples, radar, method="os", guard=guard, train=train, dynamic_range_db=45.0, window="blackman"
         ),
+        unit=power_unit(run),
     )  # fmt: skip
 
 
-def display_range(run: Run, frame: int) -> float:
+def display_range(run: Displayable, frame: int) -> float:
     """Largest range in pictures [m]: of the PIR's farthest return, else beyond the actors, else the radar's."""
     limit = run.radar.max_range
     if run.has_pir:

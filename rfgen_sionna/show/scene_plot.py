@@ -13,8 +13,9 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.dataset import ActorRecord, Run
+from rfgen_sionna.dataset import ActorRecord
 from rfgen_sionna.processing.pointcloud import PointCloud
+from rfgen_sionna.show.displayable import Displayable
 from rfgen_sionna.show.panels import ACCENT
 from rfgen_sionna.show.style import INK, MUTED, VELOCITY_MAP, titled
 
@@ -61,7 +62,7 @@ class PlotLimits:
     high: FloatArray
 
     @classmethod
-    def of(cls, run: Run) -> PlotLimits:
+    def of(cls, run: Displayable) -> PlotLimits:
         """Limits around the radar and the actors in all frames."""
         places = [np.asarray(run.radar.position, np.float64)[None]]
         for actor in run.actors.values():
@@ -81,7 +82,7 @@ class PlotLimits:
 def draw_scene(
     figure: Figure,
     axes: Axes3D,
-    run: Run,
+    run: Displayable,
     frame: int,
     cloud: PointCloud,
     *,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -106,6 +106,12 @@ class Capture(ShortRepr):
             samples = samples * np.float32(self.scale)
         return samples
 
+    @property
+    def adc(self) -> Any:
+        """(frame, chirp, tx, rx, sample) as in :meth:`cube`, but read on access (:class:`CaptureFrames`):
+        `AdcCube(capture.adc, …)` is a cube that is not in memory, for `write_capture`."""
+        return CaptureFrames(self, tuple(range(len(self))))
+
     @cached_property
     def lost(self) -> tuple[Loss, ...]:
         """Frames with lost samples, which are zero: each with its chirps and channels. Reads the whole capture once."""
@@ -152,3 +158,40 @@ class Capture(ShortRepr):
             message = f"'{self.paths[0]}': {summary(lost, len(chosen))}; skip_lost=True leaves these frames out"
             warnings.warn(message, CaptureWarning, stacklevel=2)
         return AdcCube(data=data[: len(kept)], radar=self.radar, frame_times=self.frame_times[kept], seed=self.seed)
+
+
+@dataclass(frozen=True, eq=False)
+class CaptureFrames:
+    """Samples of some frames of a capture, read on access."""
+
+    capture: Capture
+    numbers: tuple[int, ...]
+    """Numbers of the frames in the capture."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(frame, chirp, tx, rx, sample)"""
+        return (len(self.numbers), *self.capture.radar.frame_shape)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """complex64, or float32 with a real ADC."""
+        return self.capture.radar.sample_type
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return math.prod(self.shape)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def select(self, frames: Sequence[int]) -> CaptureFrames:
+        """Some of the frames."""
+        return CaptureFrames(self.capture, tuple(self.numbers[frame] for frame in frames))
+
+    def __getitem__(self, frames: int | slice) -> NDArray[Any]:
+        """Samples of one frame, or of several, stacked."""
+        if isinstance(frames, slice):
+            return np.stack([self.capture.frame(number) for number in self.numbers[frames]])
+        return self.capture.frame(self.numbers[frames])

@@ -94,6 +94,7 @@ def read(
     known = find_description(recording.data[0], sidecar, radar, configured, same, hint)
     if lanes is not None:
         known = replace(known, lanes=lanes, interleaved=None)
+    _device_band(known.radar)
     receivers = channel_numbers(known.radar.rx_names, "RX", RX_PER_DEVICE, "one device")
     layout = _layout(known, len(receivers))
     recording = one_recording(recording, layout.frame_size, known.frames)
