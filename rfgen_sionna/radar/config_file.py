@@ -136,7 +136,7 @@ def _json(text: str, path: Path) -> dict[str, Any]:
 def _json_frames(text: str, path: Path) -> BoardFrames:
     record = _json(text, path)
     if "mmWaveDevices" in record:
-        return _studio_frames(record, path)
+        return replace(_studio_frames(record, path), board=_device_beside(path))
     if "configUsed" in record:
         return _setup_frames(record, path)
     if is_infineon(record):
@@ -160,15 +160,37 @@ def _studio_frames(record: Mapping[str, Any], path: Path) -> BoardFrames:
 
 def _setup_frames(record: Mapping[str, Any], path: Path) -> BoardFrames:
     """Frames of the configuration that a `.setup.json` names, on its device."""
-    name = re.split(r"[\\/]", str(record["configUsed"]))[-1]
+    name = _config_used(record)
     config = path.with_name(name)
     if not config.is_file():
         raise RadarConfigError(f"{path}: configUsed is {record['configUsed']!r}; there is no '{name}' beside it")
     content = _json(_text(config), config)
     if "mmWaveDevices" not in content:
         raise RadarConfigError(f"{path}: configUsed is {record['configUsed']!r}; a .mmwave.json is needed")
-    device = record.get("mmWaveDevice")
-    return replace(_studio_frames(content, config), board=str(device) if device else None)
+    return replace(_studio_frames(content, config), board=_device(record))
+
+
+def _config_used(setup: Mapping[str, Any]) -> str:
+    """Name of the configuration in a `.setup.json`, without its folder on another machine."""
+    return re.split(r"[\\/]", str(setup["configUsed"]))[-1]
+
+
+def _device(setup: Mapping[str, Any]) -> str | None:
+    device = setup.get("mmWaveDevice")
+    return str(device) if device else None
+
+
+def _device_beside(config: Path) -> str | None:
+    """Device of a `.mmwave.json`, from the `.setup.json` beside it that names it; None where none or several do."""
+    found = set()
+    for path in config.parent.glob("*.setup.json"):
+        try:
+            setup = _json(_text(path), path)
+        except RadarConfigError:
+            continue
+        if "configUsed" in setup and _config_used(setup) == config.name:
+            found.add(_device(setup))
+    return found.pop() if len(found) == 1 else None
 
 
 def _board_path(board: str | os.PathLike[str] | None, frames: BoardFrames, path: Path) -> Path:

@@ -36,6 +36,8 @@ _STEEPEST = {60: 6905, 77: 5510}
 """Steepest slope in steps."""
 _MOST_VARIED = (Decimal("450e6"), Decimal("3.04e12"), Decimal("655.35e-6"), Decimal("655.35e-6"))
 """Largest variations of start frequency [Hz], slope [Hz/s], idle time, ADC start time [s]."""
+_MCUPLUS = re.compile(r"2[59]44|am27", re.IGNORECASE)
+"""Names of devices of the MCU+ SDK."""
 _OTHER_MAKERS = re.compile(r"^(bgt|position2go|distance2go)", re.IGNORECASE)
 
 
@@ -74,7 +76,12 @@ def cfg_text(
         raise RadarConfigError(f"radar '{name}' is not of TI, and has no .cfg")
     band = _check(waveform, transmitters, receivers, bits)
     ddm = any(slot.advance_deg for slot in waveform.slots)
-    mcuplus = (real and band == 77) or max(transmitters) > 3 or ddm
+    if ddm and not real:
+        raise RadarConfigError(
+            "waveform.slots advance phases (DDM), and samples are complex; TI's DDM demonstration is for the AWR2944 "
+            "with real samples"
+        )
+    mcuplus = bool(_MCUPLUS.search(name)) or max(transmitters) > 3 or ddm
     chirps, loops, order = _chirps(waveform, transmitters)
     profiles, chirps = _within_profiles(waveform.profiles, chirps)
     lines = [f"% {name}, preset {preset}, by rfgen_sionna", *_rounding(waveform, band)]
@@ -295,6 +302,7 @@ def _rounding(wave: Waveform, band: int) -> Iterator[str]:
         "idle_time": (Decimal("1e-8"), "us", 6),
         "adc_start_time": (Decimal("1e-8"), "us", 6),
         "ramp_end_time": (Decimal("1e-8"), "us", 6),
+        "sample_rate": (Decimal(1000), "ksps", -3),
     }
     for index, profile in enumerate(wave.profiles):
         for field, (unit, name, exponent) in steps.items():

@@ -91,6 +91,15 @@ def test_ddm_of_the_mcu_plus_demonstration(tmp_path: Path) -> None:
     assert replace(found.waveform, slots=radar.waveform.slots) == radar.waveform
 
 
+def test_real_samples_of_a_device_of_sdk_3(tmp_path: Path) -> None:
+    radar = Radar.load("awr1843")
+    radar = replace(radar, adc=replace(radar.adc, real=True))
+    text = radar.to_cfg()
+    assert "adcCfg 2 0\nadcbufCfg -1 1 1 1 1\n" in text
+    assert "frameCfg 0 2 128 0 100 1 0\n" in text
+    assert again(radar, tmp_path).adc.real
+
+
 def test_long_frames_are_loops_of_more_chirps(tmp_path: Path) -> None:
     """A loop counter of eight bits: 1,000 chirps are 250 loops of four."""
     radar = Radar.load("awr1843", "mmmesh")
@@ -117,6 +126,11 @@ def test_more_profiles_than_a_device_has_are_variations(tmp_path: Path) -> None:
     assert again(radar, tmp_path).waveform == wave
 
 
+def ddm(step: float) -> Slot:
+    """Three Tx whose phases advance by multiples of `step` degrees a chirp."""
+    return Slot((0.0, 0.0, 0.0), advance_deg=(0.0, step, 2 * step))
+
+
 TWO = Slot((0.0, 45.0, None)), Slot((None, None, 0.0))
 
 
@@ -133,13 +147,18 @@ TWO = Slot((0.0, 45.0, None)), Slot((None, None, 0.0))
         ("awr1843", {"num_loops": 457}, "waveform.num_loops is 457 of 3 chirps"),
         (
             "awr1843",
-            {"tx_order": (), "slots": (Slot((0.0, 0.0, 0.0), advance_deg=(0.0, 90.0, 180.0)),)},
+            {"tx_order": (), "slots": (ddm(90.0),)},
+            "waveform.slots advance phases (DDM), and samples are complex",
+        ),
+        (
+            "awr2944evm",
+            {"tx_order": (), "slots": (ddm(90.0),), "num_loops": 16},
             "waveform.slots[0].advance_deg is [0.0, 90.0, 180.0]; TI's DDM demonstration turns",
         ),
         (
-            "awr1843",
-            {"tx_order": (), "slots": (Slot((0.0, 0.0, 0.0), advance_deg=(0.0, -90.0, -180.0)),), "num_loops": 130},
-            "waveform.num_loops is 130; the DDM demonstration needs a multiple of 4",
+            "awr2944evm",
+            {"tx_order": (), "slots": (ddm(-90.0),), "num_loops": 18},
+            "waveform.num_loops is 18; the DDM demonstration needs a multiple of 4",
         ),
         (
             "awr1843",

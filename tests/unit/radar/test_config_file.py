@@ -199,6 +199,10 @@ def test_a_setup_leads_to_its_configuration_and_device(tmp_path: Path) -> None:
     with pytest.raises(RadarConfigError, match="gives the device 'xwr18xx', and the antennas are the board's: name it"):
         Radar.load(written(path, setup))
     assert Radar.load(path, board="iwr1443boost").name == "iwr1443boost"
+    # The setup gives the device of its configuration, too.
+    setup["mmWaveDevice"] = "AWR1843"
+    written(path, setup)
+    assert Radar.load(tmp_path / "run.mmwave.json").name == "awr1843"
     setup["configUsed"] = "other.mmwave.json"
     with pytest.raises(RadarConfigError, match=r"there is no 'other\.mmwave\.json' beside it"):
         Radar.load(written(path, setup))
