@@ -85,6 +85,14 @@ def boards_for(
     return tuple(found)
 
 
+def board_power(name: str) -> float | None:
+    """Tx power of a shipped board [dBm]; None for others."""
+    try:
+        return float(read_config(board_file(name))["transmitter"]["power_dbm"])
+    except UnknownResourceError:
+        return None
+
+
 def _plain(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", name.lower())
 

@@ -13,6 +13,7 @@ from rfgen_sionna._short_repr import ShortRepr, short_vector
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar.adc import Adc
 from rfgen_sionna.radar.board_frames import element_numbers
+from rfgen_sionna.radar.boards import board_power
 from rfgen_sionna.radar.config import RadarConfigError, overridden, read_config
 from rfgen_sionna.radar.config_file import radar_table
 from rfgen_sionna.radar.pattern import Pattern, pattern_record
@@ -369,8 +370,14 @@ class Radar(ShortRepr):
         """
         tx, rx = element_numbers(self.tx_names, "TX"), element_numbers(self.rx_names, "RX")
         feeds = np.multiply.outer(*self.feed_factors)
-        real, bits = self.adc.real, self.adc.bits
-        return cfg_text(self.name, self.preset, self.waveform, tx, rx, feeds=feeds, real=real, bits=bits)
+        full = board_power(self.name)
+        return cfg_text(
+            *(self.name, self.preset, self.waveform, tx, rx),
+            feeds=feeds,
+            backoff_db=0.0 if full is None else full - self.tx_power_dbm,
+            real=self.adc.real,
+            bits=self.adc.bits,
+        )
 
     @classmethod
     def from_dict(cls, record: dict[str, Any]) -> Radar:

@@ -30,6 +30,7 @@ _MOST_SAMPLES = 2048
 _LONGEST_FRAME = 1.342
 _ADC_BITS = {12: 0, 14: 1, 16: 2}
 _MOST_TX, _MOST_RX = 4, 4
+_MOST_BACKOFF = 30  # [dB]
 _LONGEST = {"idle_time": 5.24287e-3, "adc_start_time": 40.95e-6, "ramp_end_time": 5e-3}
 """Longest times of a profile [s]."""
 _STEEPEST = {60: 6905, 77: 5510}
@@ -49,6 +50,7 @@ def cfg_text(
     receivers: Sequence[int],
     *,
     feeds: ComplexArray,
+    backoff_db: float,
     real: bool,
     bits: int,
 ) -> str:
@@ -64,6 +66,8 @@ def cfg_text(
         Numbers of the elements, from 1.
     feeds
         (tx, rx) factors that undo the phases of the elements' feeds in the samples.
+    backoff_db
+        Tx power below the board's [dB]; whole numbers are written, others stated.
     real, bits
         Kind and bits of the samples.
 
@@ -85,6 +89,12 @@ def cfg_text(
     chirps, loops, order = _chirps(waveform, transmitters)
     profiles, chirps = _within_profiles(waveform.profiles, chirps)
     lines = [f"% {name}, preset {preset}, by rfgen_sionna", *_rounding(waveform, band)]
+    code = int(backoff_db) if 0 <= backoff_db <= _MOST_BACKOFF and backoff_db == int(backoff_db) else 0
+    if code != backoff_db:
+        lines.append(
+            f"% the Tx power is {-backoff_db:+g} dB from the board's, which steps of 1 dB downwards cannot give"
+        )
+    power = sum(code << 8 * (number - 1) for number in range(1, 5 if mcuplus else 4))
     lines += ["sensorStop", "flushCfg", "dfeDataOutputMode 1"]
     masks = [sum(1 << number - 1 for number in numbers) for numbers in (receivers, transmitters)]
     lines += [
@@ -92,7 +102,7 @@ def cfg_text(
         f"adcCfg {_ADC_BITS[bits]} {0 if real else 1}",
         f"adcbufCfg -1 {1 if real else 0} 1 1 1",
     ]
-    lines += [_profile(index, profile, waveform.num_samples, band) for index, profile in enumerate(profiles)]
+    lines += [_profile(index, profile, waveform.num_samples, band, power) for index, profile in enumerate(profiles)]
     for first, last, chirp in _runs(chirps):
         mask = sum(1 << number - 1 for number in chirp.phases)
         varied = " ".join(map(_number, chirp.variation, (0, -9, 6, 6)))
@@ -278,7 +288,7 @@ def _runs(chirps: Sequence[TiChirp]) -> Iterator[tuple[int, int, TiChirp]]:
             first = index
 
 
-def _profile(index: int, profile: Profile, samples: int, band: int) -> str:
+def _profile(index: int, profile: Profile, samples: int, band: int, power: int) -> str:
     values = (
         (profile.start_frequency, -9),
         (profile.idle_time, 6),
@@ -286,11 +296,8 @@ def _profile(index: int, profile: Profile, samples: int, band: int) -> str:
         (profile.ramp_end_time, 6),
     )
     times = " ".join(_number(value, exponent) for value, exponent in values)
-    gain = 158 if band == 60 else 30
-    return (
-        f"profileCfg {index} {times} 0 0 {_number(profile.slope, -12)} 1 {samples} {_number(profile.sample_rate, -3)} "
-        f"0 0 {gain}"
-    )
+    slope, rate, gain = _number(profile.slope, -12), _number(profile.sample_rate, -3), 158 if band == 60 else 30
+    return f"profileCfg {index} {times} {power} 0 {slope} 1 {samples} {rate} 0 0 {gain}"
 
 
 def _rounding(wave: Waveform, band: int) -> Iterator[str]:

@@ -100,6 +100,15 @@ def test_real_samples_of_a_device_of_sdk_3(tmp_path: Path) -> None:
     assert again(radar, tmp_path).adc.real
 
 
+def test_power_below_the_boards_is_written_in_steps_of_1_db(tmp_path: Path) -> None:
+    lower = replace(Radar.load("awr1843"), tx_power_dbm=9.0)
+    assert f"65 {3 | 3 << 8 | 3 << 16} 0 60.012" in lower.to_cfg()
+    assert again(lower, tmp_path).tx_power_dbm == 9.0
+    odd = replace(lower, tx_power_dbm=13.5).to_cfg()
+    assert "the Tx power is +1.5 dB from the board's" in odd
+    assert "65 0 0 60.012" in odd
+
+
 def test_long_frames_are_loops_of_more_chirps(tmp_path: Path) -> None:
     """A loop counter of eight bits: 1,000 chirps are 250 loops of four."""
     radar = Radar.load("awr1843", "mmmesh")
