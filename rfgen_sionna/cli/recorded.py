@@ -166,7 +166,7 @@ def _one_radar(run: Run, name: str | None) -> Run:
     """Run of the radar `name`, or of the only one."""
     if name is None and len(run.radars) == 1:
         return next(iter(run.radars.values()))
-    if name not in run.radars:
+    if name is None or name not in run.radars:
         given = "is not given" if name is None else f"is {name!r}"
         raise ValueError(f"--radar {given}; '{run.path}' has {', '.join(map(repr, run.radars))}: name one of them")
     return run[name]

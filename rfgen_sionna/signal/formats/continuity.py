@@ -22,6 +22,7 @@ _BREAK = 3.0  # usual differences of a loop to be looked at
 _GAIN = 0.5  # share of the difference that a break may leave
 _ROUNDING = 1e-3  # usual difference of noise-free loops [LSB²]
 _MOST_PACKETS = 64  # of one break
+_MOST_SEARCHES = 200  # loops that differ without a break: in a scene of fast motion there are many
 
 
 def find_breaks(stream: ByteStream, loop_size: int, missing: int) -> list[tuple[int, int]] | None:
@@ -48,7 +49,7 @@ def find_breaks(stream: ByteStream, loop_size: int, missing: int) -> list[tuple[
     found: list[tuple[int, int]] = []
     loop, lost, left, before = 1, 0, missing, first[0]
     older: NDArray[np.float32] | None = None  # the loop before `before`, where it is whole
-    threshold = _BREAK * max(usual, _ROUNDING)
+    searches, threshold = 0, _BREAK * max(usual, _ROUNDING)
     if np.mean((first[1] - first[0]) ** 2) > threshold:
         # A break in the first two loops: later ones are shifted, but agree with each other.
         grid = range(0, 2 * words, PACKET // 2)
@@ -65,8 +66,11 @@ def find_breaks(stream: ByteStream, loop_size: int, missing: int) -> list[tuple[
         # A break near the end of a loop shows only in the next one.
         base, model = (loop, before) if older is None else (loop - 1, older)
         places = range(-base * loop_size % PACKET // 2, (loop - base + 1) * words, PACKET // 2)
-        place, packets = _best_break(span, base, lost, lambda _, model=model: model, places, left)
+        place, packets = _best_break(span, base, lost, model, places, left)
+        if not packets and searches == _MOST_SEARCHES:
+            return found or None
         if not packets:
+            searches += 1
             loop, older, before = loop + 1, before, now  # something moved
             continue
         position = base * loop_size + 2 * place
@@ -80,20 +84,21 @@ def _best_break(
     span: Callable[[int, int, int], NDArray[np.float32]],
     loop: int,
     lost: int,
-    model: Callable[[int], NDArray[np.float32]],
+    model: Callable[[int], NDArray[np.float32]] | NDArray[np.float32],
     places: range,
     most: int,
 ) -> tuple[int, int]:
     """Place [words after the start of `loop`] and packets of the break that leaves the least difference to `model`,
-    the loop as it is where so many packets are missing; (0, 0) if none explains half of it."""
+    a loop without a break or a function of the missing packets that gives one; (0, 0) if none explains half of it."""
     best, plain = (np.inf, 0, 0), np.inf
     for packets in range(1, min(most, _MOST_PACKETS) + 1):
-        words = len(model(packets))
+        whole, alike = (model(packets), model(0)) if callable(model) else (model, model)
+        words = len(whole)
         loops = 3 + -(-packets * PACKET // (2 * words))
         kept, moved = span(loop, lost, loops), span(loop, lost + packets * PACKET, loops)
         if packets == 1:
-            plain = float(np.mean((kept - np.tile(model(0), loops)[: len(kept)]) ** 2))
-        tiled = np.tile(model(packets), loops)
+            plain = float(np.mean((kept - np.tile(alike, loops)[: len(kept)]) ** 2))
+        tiled = np.tile(whole, loops)
         unbroken = (kept - tiled[: len(kept)]) ** 2
         broken = (moved - tiled[: len(moved)]) ** 2
         heads = np.concatenate([[0.0], np.cumsum(unbroken, dtype=np.float64)])

@@ -75,7 +75,8 @@ def find_loss(frame: int, samples: NDArray[Any], radar: Radar, order: Order) -> 
     if not lost.any():
         return None
     count = int(np.count_nonzero(lost))
-    return Loss(frame, lost.any(axis=-1), count, count / lost.size, radar.axis_names, radar.rx_names)
+    rows = np.asarray(lost.any(axis=-1), dtype=np.bool_)
+    return Loss(frame, rows, count, count / lost.size, radar.axis_names, radar.rx_names)
 
 
 def summary(losses: Sequence[Loss], frames: int) -> str:

@@ -9,28 +9,27 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._types import IntArray
-
 
 @dataclass(frozen=True, eq=False)
 class ByteStream:
     """Segments of files, one after the other; bytes of no segment are zero."""
 
     files: tuple[Path, ...]
-    sources: IntArray
+    sources: NDArray[np.int64]
     """(segment,) index of the file."""
-    offsets: IntArray
+    offsets: NDArray[np.int64]
     """(segment,) first byte in the file."""
-    starts: IntArray
+    starts: NDArray[np.int64]
     """(segment,) first byte in the stream, ascending."""
-    lengths: IntArray
+    lengths: NDArray[np.int64]
     """(segment,) [bytes]"""
 
     @classmethod
     def of(cls, files: Sequence[Path]) -> ByteStream:
         """The files in full, in this order."""
         lengths = np.array([file.stat().st_size for file in files], dtype=np.int64)
-        return cls(tuple(files), np.arange(len(files)), np.zeros_like(lengths), np.cumsum(lengths) - lengths, lengths)
+        starts = np.cumsum(lengths) - lengths
+        return cls(tuple(files), np.arange(len(files), dtype=np.int64), np.zeros_like(lengths), starts, lengths)
 
     @property
     def size(self) -> int:
