@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,12 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths, knot_weights
+
+MIN_SPLINE_KNOTS = 4
+"""Least number of knots of a cubic spline."""
+LEAST_PART_ERROR, LEAST_PART = 1e-3, 4
+"""Error of the phase [rad] and relative error of gains below which the ADC window stays whole, and the least number of
+samples of its parts."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +41,20 @@ class AdcWindow:
 
     @classmethod
     def of(cls, radar: Radar) -> AdcWindow:
-        waveform = radar.waveform
-        count, step = waveform.num_samples, 1.0 / waveform.sample_rate
+        return cls._from(radar, 0, radar.waveform.num_samples)
+
+    @classmethod
+    def parts(cls, radar: Radar, number: int) -> list[AdcWindow]:
+        """The window in a `number` of successive parts."""
+        bounds = np.linspace(0, radar.waveform.num_samples, number + 1).astype(int).tolist()
+        return [cls._from(radar, first, last - first) for first, last in pairwise(bounds)]
+
+    @classmethod
+    def _from(cls, radar: Radar, first: int, count: int) -> AdcWindow:
+        """Window of `count` samples from the sample `first`."""
+        step = 1.0 / radar.waveform.sample_rate
         modes = np.arange(count) - count // 2
-        middle = waveform.adc_start_time + (count // 2) * step
+        middle = radar.waveform.adc_start_time + (first + count // 2) * step
         return cls(count, step, middle, 0.5 * count * step, np.asarray(modes / (0.5 * count)))
 
 
@@ -177,6 +194,24 @@ def gains_change(
     gains = conjugate_gains(radar, paths, amplitude, window, *pair)[:1]
     held, change = (max_power(part).sum() for part in gain_coefficients(gains, splines.derivatives[1], window))
     return bool(change > least**2 * held)
+
+
+def needed_parts(radar: Radar, paths: RadarPaths, eps: float) -> int:
+    """Number of parts of the ADC window in which phases are quadratic and gains linear to an error of `eps`, as for
+    rotors in chirps of a tenth of a turn: by the third derivative of the delays and the second one of the gains of the
+    first element pair."""
+    if len(paths.times) < MIN_SPLINE_KNOTS:
+        return 1
+    window, limit = AdcWindow.of(radar), max(eps, LEAST_PART_ERROR)
+    thirds = paths.tau[0, 0] @ knot_weights(paths.times, paths.times, 3).T
+    cubic = 2 * np.pi * radar.waveform.start_frequency * window.half**3 / 6.0 * float(np.abs(thirds).max(initial=0.0))
+    parts = (cubic / limit) ** (1 / 3)
+    if paths.a.shape[-1] == len(paths.times):
+        bent = paths.a[0, 0] @ knot_weights(paths.times, paths.times, 2).T
+        size = float(np.linalg.norm(paths.a[0, 0]))
+        missed = 0.5 * window.half**2 * float(np.linalg.norm(bent)) / size if size > 0 else 0.0
+        parts = max(parts, (missed / limit) ** 0.5)
+    return max(1, min(int(np.ceil(parts)), window.count // LEAST_PART))
 
 
 def max_power(gains: NDArray[np.complexfloating[Any]]) -> NDArray[np.floating[Any]]:

@@ -9,7 +9,8 @@ is a constant, a beat frequency and a small quadratic term (:mod:`rfgen_sionna.s
 sums them (:mod:`rfgen_sionna.signal.nufft`). The slope mu may be negative or 0, which leaves Doppler alone.
 
 Gains that change with time (visibility, element pattern, return of a facet) are linear over the ADC window of a chirp,
-or constant where the change is negligible.
+or constant where the change is negligible. Where that or the quadratic phase does not suffice, as for fast rotors in
+long chirps, the window is summed in parts.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from rfgen_sionna.signal.nufft import (
 )
 from rfgen_sionna.signal.nufft_kernel import NEGLIGIBLE, needed_terms, width_for
 from rfgen_sionna.signal.path_phases import (
+    MIN_SPLINE_KNOTS,
     AdcWindow,
     PathSplines,
     conjugate_gains,
@@ -46,6 +48,7 @@ from rfgen_sionna.signal.path_phases import (
     gain_coefficients,
     gains_change,
     max_power,
+    needed_parts,
     phase_terms,
 )
 
@@ -57,9 +60,6 @@ _SHARE = 12  # least number of parts of a frame for the larger grid
 MAX_TIME = 1e10
 """Largest |start| of a frame [s]: beyond it float64 does not resolve the times of chirps."""
 _VALUES = ("a", "tau", "tau_rate", "times", "direction", "arrival", "dispersion")
-
-SPLINE_KNOTS = 4
-"""Least number of knots of a cubic spline."""
 
 
 def synthesize(
@@ -116,9 +116,9 @@ def synthesize(
                 f"paths.times cover {paths.times[0]:.6f} … {paths.times[-1]:.6f} s; the frame lasts from "
                 f"{start:.6f} to {start + waveform.frame_length:.6f} s"
             )
-        if len(paths.times) < SPLINE_KNOTS:
+        if len(paths.times) < MIN_SPLINE_KNOTS:
             # The delay is a polynomial through two or three knots; the phase, quadratic in it, needs a spline of more.
-            paths = paths.at(np.linspace(paths.times[0], paths.times[-1], 2 * SPLINE_KNOTS + 1))
+            paths = paths.at(np.linspace(paths.times[0], paths.times[-1], 2 * MIN_SPLINE_KNOTS + 1))
     device = chosen_device(device)
     samples = np.zeros(radar.frame_shape, dtype=np.complex128)
     if paths.num_paths == 0:
@@ -135,7 +135,7 @@ def synthesize(
             echoes = (
                 _synthesize_static(part, own, start, weights, eps)
                 if still
-                else _synthesize_moving(part, own, start, weights, eps, device)
+                else _synthesize_in_parts(part, own, start, weights, eps, device)
             )
             for (entry, tx_index, rx), echo in echoes:
                 factor = weights[:, entry, tx_index, None] * rx_feeds[rx]
@@ -253,13 +253,28 @@ def _synthesize_static(
         yield (entry, tx, rx), np.asarray(chirps, dtype=np.complex128)
 
 
-def _synthesize_moving(
+def _synthesize_in_parts(
     radar: Radar, paths: RadarPaths, start: float, weights: ComplexArray, eps: float, device: str
 ) -> Iterator[tuple[Channel, ComplexArray]]:
-    """(chirp, sample) of each channel, a few channels at a time."""
+    """(chirp, sample) of each channel, in as many parts of the ADC window as the motion demands."""
+    windows = AdcWindow.parts(radar, needed_parts(radar, paths, eps))
+    parts = [_synthesize_moving(radar, paths, start, weights, eps, device, window) for window in windows]
+    for found in zip(*parts, strict=True):
+        yield found[0][0], np.concatenate([echo for _, echo in found], axis=1) if len(found) > 1 else found[0][1]
+
+
+def _synthesize_moving(
+    radar: Radar,
+    paths: RadarPaths,
+    start: float,
+    weights: ComplexArray,
+    eps: float,
+    device: str,
+    window: AdcWindow,
+) -> Iterator[tuple[Channel, ComplexArray]]:
+    """(chirp, sample) of each channel in a `window`, a few channels at a time."""
     if device == "cpu":
         ensure_llvm()
-    window = AdcWindow.of(radar)
     times = start + radar.waveform.chirp_times + window.middle
     splines = PathSplines.of(paths, float(times.min()), float(times.max()))
     amplitude = element_gains(radar, paths)

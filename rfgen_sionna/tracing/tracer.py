@@ -22,12 +22,12 @@ from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
 from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
 from rfgen_sionna.tracing.ghosts.mirrors import find_mirrors
 from rfgen_sionna.tracing.integral.slabs import warn_of_late_reflections
+from rfgen_sionna.tracing.moving.fast_turns import choose_limited_sample_times
 from rfgen_sionna.tracing.moving.indirect_paths import IndirectPaths
 from rfgen_sionna.tracing.moving.knots import Knots, choose_knots
 from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
-from rfgen_sionna.tracing.moving.sample_times import choose_sample_times
 from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
-from rfgen_sionna.tracing.relative_scene import RelativeObject, relative_objects, to_world
+from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
 from rfgen_sionna.tracing.static.actor_shadows import Shadow
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
@@ -113,7 +113,7 @@ class Tracer:
         transmission: bool = False,
     ) -> None:
         self.radar = radar
-        self.actors: tuple[MeshActor | RelativeObject, ...] = tuple(actors)
+        self.actors: tuple[MeshActor | RelativeObject, ...] = by_material(actors)
         if radar.trajectory is not None:
             # In the radar's frame the whole world moves.
             self.actors, scene = relative_objects(radar, scene, actors), None
@@ -269,9 +269,8 @@ class Tracer:
         pair = not self.surfaces.static and self.radar.trajectory is None and watch is None
         for _ in range(_AGAIN):
             known = moving.relative_cancellation
-            sample_times, turned = choose_sample_times(
-                *given, indirect=moving.traces_back_faces, pair=pair, cancellation=known
-            )
+            own = moving.limit_facets, moving.traces_back_faces, pair, known
+            sample_times, turned = choose_limited_sample_times(*given, *own)
             finest = knots if len(knots) > len(sample_times) else sample_times
             traced = self._traced(finest, sample_times, moving, float(np.hypot(turned, time_error)), watch)
             # The cancellation of the return is known only after the trace.

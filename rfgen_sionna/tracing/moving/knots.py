@@ -15,7 +15,11 @@ from rfgen_sionna.records import knot_weights
 from rfgen_sionna.scene.mesh import lengths
 
 MIN_SPACING = 0.125e-3
-"""Gap between knots [s] below which a motion counts as broken: a vibration of 0.1 mm at 700 Hz still gets its knots."""
+"""Gap between knots [s] below which a motion counts as broken unless halving the gap has reduced the error: a vibration
+of 0.1 mm at 700 Hz still gets its knots."""
+SMOOTH_GAIN, LEAST_SPACING = 3.0, 2e-6
+"""Factor by which halved gaps below `MIN_SPACING` must reduce the error, and the smallest gap [s]: splines through
+smooth motion gain up to 16, through jumps nothing."""
 FIRST_COUNT = 4
 """Smallest number of knots, those of one cubic."""
 MAX_REPRESENTATIVES = 4096
@@ -116,7 +120,7 @@ def choose_knots(
         towards = np.stack([np.take(each, chosen, axis=0) for each in offsets])
         return wavenumber * distances, towards / np.maximum(distances[:, chosen], 1e-12)[..., None]
 
-    count, gain_off = FIRST_COUNT, np.inf
+    count, gain_off, phase_off = FIRST_COUNT, np.inf, np.inf
     while True:
         times = np.linspace(start, stop, count)
         # Multiples of the golden ratio modulo 1 are spread evenly and aperiodic.
@@ -148,7 +152,8 @@ def choose_knots(
         fine = fine and rms.max() <= 3 * tolerance and np.abs(error).max() <= 10 * tolerance
         if fine and spacing <= max_spacing:
             return Knots(times, float(lengths(off.T).max()))
-        if spacing < 2 * MIN_SPACING:
+        before, phase_off = phase_off, float(np.abs(error).max())
+        if spacing < 2 * MIN_SPACING and (spacing < 2 * LEAST_SPACING or phase_off * SMOOTH_GAIN > before):
             _LOG.warning(
                 "the motion from %.4f to %.4f s is not smooth: with knots %.2g ms apart the phase error is %.2g rad,"
                 " between elements %.2g rad, that of the antenna gain %.2g (allowed: %.2g); time_error includes it",

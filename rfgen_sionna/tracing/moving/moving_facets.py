@@ -56,6 +56,7 @@ class MovingFacets:
         self._parts: list[IntArray] = []
         self._turns: list[FloatArray] | None = None  # (face,) per surface; None if all are flat
         self._resolution = np.ones(len(surfaces.moving))
+        self._limits: list[FloatArray] | None = None
         self._distance = np.zeros(len(surfaces.moving))
 
     def follow(self, positions: Positions, knots: FloatArray) -> bool:
@@ -78,6 +79,23 @@ class MovingFacets:
             self._resolution[:] = 1.0
             self._split(poses[0])
         return changed
+
+    @property
+    def limited(self) -> bool:
+        """Whether faces turn so fast that their facets are limited."""
+        return self._limits is not None
+
+    def limit(self, limits: Sequence[FloatArray]) -> list[FloatArray]:
+        """Limit the edges [m] of the facets of every face to `limits` (face,) of each surface
+        (:mod:`rfgen_sionna.tracing.moving.fast_turns`); returns the limits in use, which stay within a factor of
+        two."""
+        known = self._limits
+        if known is None or any(
+            ((own > 2.0 * new) | (own < 0.5 * new)).any() for own, new in zip(known, limits, strict=True)
+        ):
+            known, self.pieces = list(limits), []  # new facets in the next interval
+            self._limits = known
+        return known
 
     def coarsen(self, vertices: Sequence[FloatArray]) -> None:
         """Return to the coarsest facets, for `vertices` (vertex, 3) [m] of each surface."""
@@ -185,6 +203,7 @@ class MovingFacets:
 
     def _split(self, vertices: Sequence[FloatArray]) -> None:
         images = self._ghosts.images(vertices) if self._ghosts is not None else [[] for _ in vertices]
+        limits = [None] * len(vertices) if self._limits is None else self._limits
         self.pieces = [
             tessellate(
                 points,
@@ -198,9 +217,10 @@ class MovingFacets:
                 images=mirrored,
                 smooth=surface.smooth,
                 grain=grain_of(surface),
+                longest_edges=longest,
             )
-            for points, surface, resolution, mirrored in zip(
-                vertices, self.surfaces, self._resolution, images, strict=True
+            for points, surface, resolution, mirrored, longest in zip(
+                vertices, self.surfaces, self._resolution, images, limits, strict=True
             )
         ]
         # Curvature hardly changes with the pose of a body.

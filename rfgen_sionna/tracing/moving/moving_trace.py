@@ -260,7 +260,7 @@ class MovingTracer:
         """Facets without temporal refinement, those with it, if any, and the time error."""
         own, sample_times, positions = visibility.returned, visibility.sample_times, interval.positions
         given = own.facets, visibility.references, own.values, own.boundary_correction, own.shares, visibility.expansion
-        chosen = self._temporal_refinement.choose(*given, level)
+        chosen = self._temporal_refinement.choose(*given, level, self._facets.limited)
         followed = own.selected[chosen.facets]
         if not len(followed):
             return own, None, max(chosen.error(), visibility.moved_shadow_error)
@@ -306,6 +306,10 @@ class MovingTracer:
     def prepare(self, positions: Positions, times: Sequence[float]) -> Positions:
         """:meth:`rfgen_sionna.tracing.moving.indirect_paths.IndirectPaths.prepare`"""
         return self._indirect.prepare(positions, times)
+
+    def limit_facets(self, limits: Sequence[FloatArray]) -> list[FloatArray]:
+        """:meth:`rfgen_sionna.tracing.moving.moving_facets.MovingFacets.limit`"""
+        return self._facets.limit(limits)
 
     @property
     def relative_cancellation(self) -> FloatArray:

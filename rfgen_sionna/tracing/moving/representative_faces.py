@@ -10,7 +10,7 @@ import numpy as np
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.records import knot_weights
 from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
-from rfgen_sionna.scene.mesh import lengths, triangle_centroids
+from rfgen_sionna.scene.mesh import lengths, max_component, triangle_centroids
 from rfgen_sionna.tracing.surface.resolution import FACET_BULGE, phase_bulge
 from rfgen_sionna.tracing.surface.return_estimates import mean_phasor, solid_angles, width_and_distance
 
@@ -18,20 +18,31 @@ STRONGEST, OTHERS = 500, 250
 """Faces of a mesh whose gains are compared: the strongest ones, and representatives of all others."""
 MANY_FACES = 10_000
 """Faces of a mesh above which a single pose decides which faces are strong, to save time."""
+_TURNED_POSES = 24
+"""Poses of a fast turning mesh that decide which faces are strong."""
 _TRIED, _MOST_TRIED = 4, 400
 """Test times per gap and largest number of them, more with more gaps and knots."""
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 class RepresentativeFaces:
-    """Representative faces of a mesh with `vertices` (vertex, 3) [m] at evenly spaced times."""
+    """Representative faces of a mesh with `vertices` (vertex, 3) [m] at evenly spaced times; `longest_edges` (face,)
+    [m] limit the facets of each face, None does not."""
 
     def __init__(
-        self, vertices: Sequence[FloatArray], faces: IntArray, closed: bool, viewpoint: FloatArray, frequency: float
+        self,
+        vertices: Sequence[FloatArray],
+        faces: IntArray,
+        closed: bool,
+        viewpoint: FloatArray,
+        frequency: float,
+        longest_edges: FloatArray | None = None,
     ) -> None:
         wavenumber, size, strength = 4 * np.pi * frequency / SPEED_OF_LIGHT, np.zeros(len(faces)), np.zeros(len(faces))
         # Faces that are strong at one end only count as well.
         poses = (vertices[0], vertices[-1]) if len(faces) < MANY_FACES else (vertices[len(vertices) // 2],)
+        if longest_edges is not None:  # what turns fast shows other faces in between
+            poses = tuple(vertices[:: max(1, len(vertices) // _TURNED_POSES)])
         for points in poses:
             found, angle = _estimated_returns(points, faces, viewpoint, wavenumber)
             if closed:
@@ -44,8 +55,12 @@ class RepresentativeFaces:
         chosen = np.concatenate([order[:STRONGEST], rest[::step]])
         ends, counted = faces[chosen], np.where(np.arange(len(chosen)) < STRONGEST, 1.0, step)
         # The middle piece represents a large face, and one weak face several others.
-        bulge = phase_bulge(vertices[len(vertices) // 2][ends], viewpoint, frequency)
+        middle = vertices[len(vertices) // 2][ends]
+        bulge = phase_bulge(middle, viewpoint, frequency)
         self._share = np.sqrt(FACET_BULGE / np.maximum(bulge, FACET_BULGE))
+        if longest_edges is not None:
+            edges = max_component(lengths(middle - middle[:, [1, 2, 0]]))
+            self._share = np.minimum(self._share, longest_edges[chosen] / np.maximum(edges, 1e-12))
         self._size = size[chosen] * self._share * np.sqrt(counted)
         self._phases = wavenumber * np.stack([self._away(each[ends] - viewpoint) for each in vertices])
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.tracing.moving.knots import FIRST_COUNT, MIN_SPACING, QUIET_GAPS, representative
+from rfgen_sionna.tracing.moving.knots import FIRST_COUNT, LEAST_SPACING, MIN_SPACING, QUIET_GAPS, representative
 from rfgen_sionna.tracing.moving.representative_faces import RepresentativeFaces
 
 QUIET_SPACING, QUIET_TURN = 14e-3, 20e-3
@@ -38,6 +38,22 @@ class SampleTimes(NamedTuple):
     error: float
     """Estimated error of the return between them for turning faces, relative to that of the worst mesh [root mean
     square over time]."""
+    allowed: float
+    """Allowed one."""
+
+    @property
+    def spacing(self) -> float:
+        """Gap between the times [s]; infinity for a single one."""
+        return float(self.times[1] - self.times[0]) if len(self.times) > 1 else np.inf
+
+    def warn(self) -> None:
+        """Warn of an error above the allowed one."""
+        if self.error > self.allowed:
+            _LOG.warning(
+                "gains between %.4f and %.4f s turn too fast: with sample times %.2g ms apart their error is %.2g "
+                "(allowed: %.2g); time_error includes it",
+                self.times[0], self.times[-1], 1e3 * self.spacing, self.error, self.allowed,
+            )  # fmt: skip
 
 
 def choose_sample_times(
@@ -52,6 +68,7 @@ def choose_sample_times(
     indirect: bool = False,
     pair: bool = False,
     cancellation: FloatArray | None = None,
+    longest_edges: Sequence[FloatArray] | None = None,
 ) -> SampleTimes:
     """The smallest number of evenly spaced times for which splines follow the gains.
 
@@ -74,17 +91,21 @@ def choose_sample_times(
         Whether two times may suffice, from which no time can be left out to test moving shadows.
     cancellation
         (mesh,) factor on each mesh's error; None is 1.
+    longest_edges
+        Of each mesh the (face,) limits [m] of the facets of fast turning faces
+        (:mod:`rfgen_sionna.tracing.moving.fast_turns`), for which sample times may be closer; None without any.
     """
     if len(knots) == 1:
-        return SampleTimes(knots, 0.0)
+        return SampleTimes(knots, 0.0, tolerance)
     length = float(knots[-1] - knots[0])
     places = [positions(float(t)) for t in knots]
+    limits = [None] * len(faces) if longest_edges is None else longest_edges
     meshes = [
-        RepresentativeFaces([each[k] for each in places], own, shut, viewpoint, frequency)
-        for k, (own, shut) in enumerate(zip(faces, closed, strict=True))
+        RepresentativeFaces([each[k] for each in places], own, shut, viewpoint, frequency, limit)
+        for k, (own, shut, limit) in enumerate(zip(faces, closed, limits, strict=True))
     ]
     least = max(FIRST_COUNT - 1, int(np.ceil(length / max_spacing * (1 - 1e-9))))
-    most = max(least, int(length / MIN_SPACING))
+    most = max(least, int(length / (MIN_SPACING if longest_edges is None else LEAST_SPACING)))
     allowed, gaps = CANCELLING_SHARE * tolerance if indirect else tolerance, least
 
     more = np.ones(len(meshes)) if cancellation is None else cancellation
@@ -108,12 +129,7 @@ def choose_sample_times(
         # Small errors fall with the fourth power of the gap.
         gaps = min(max(gaps + 1, int(np.ceil(gaps * (error / allowed) ** 0.25))), most)
         error = missed(gaps)
-    if error > allowed:
-        _LOG.warning(
-            "gains between %.4f and %.4f s turn too fast: with sample times %.2g ms apart their error is %.2g "
-            "(allowed: %.2g); time_error includes it", knots[0], knots[-1], 1e3 * length / gaps, error, allowed,
-        )  # fmt: skip
-    return SampleTimes(np.linspace(knots[0], knots[-1], gaps + 1), error)
+    return SampleTimes(np.linspace(knots[0], knots[-1], gaps + 1), error, allowed)
 
 
 def _most_departure(places: Sequence[Sequence[FloatArray]], viewpoint: FloatArray) -> float:

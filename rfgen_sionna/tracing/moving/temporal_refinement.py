@@ -51,6 +51,9 @@ TIME_ERROR_PER_RTOL = 3.0
 per unit of the tolerance: as for turning faces."""
 MAX_SUBDIVISIONS = 8
 """Largest number of times per gap between sample times; twice as many between three sample times."""
+LEAVE_ONE_OUT_SHARE = 0.25
+"""Error of splines at kinks, where faces come into view, over that without one sample time: the 1.5th power of a gap of
+half the width, and half of the error in its middle."""
 _CHOSEN_SHARE = 0.7
 """Share of the allowed error for refined facets, and for the others."""
 MIN_SAMPLE_TIMES = 3
@@ -212,10 +215,12 @@ class TemporalRefinement:
         shares: FloatArray,
         expansion: Expansion,
         level: FloatArray,
+        turn_fast: bool = False,
     ) -> RefinementChoice:
         """Choose from `facets` with the data of :class:`rfgen_sionna.tracing.moving.interval.ReturnedFacets` at each
-        time, `references` (facet, 3) [m] and the reference `level` (surface,)."""
-        some = np.flatnonzero(has_shadow_edge(shares))
+        time, `references` (facet, 3) [m] and the reference `level` (surface,). If they `turn_fast`, all keep the sample
+        times, and errors are relative to the root mean square of each return over time."""
+        some = np.arange(len(shares)) if turn_fast else np.flatnonzero(has_shadow_edge(shares))
         if len(facets) < MIN_SAMPLE_TIMES or not len(some):
             return RefinementChoice(np.zeros(0, np.intp), 1, np.zeros(len(level)), level, np.zeros(0))
         half = len(facets) // 2
@@ -225,11 +230,18 @@ class TemporalRefinement:
         # Entering the range window is not leaving a shadow.
         near = np.all([lengths(each.centroids - self._viewpoint) < self._max_range for each in own], axis=0)
         corrections = [None if each is None else each.within(some) for each in boundary_correction]
+        gains = self._first_pair_gains(own[half], [each[:, some] for each in values], corrections, expansion)
+        waves = np.concatenate([self._phasors(each[some]) for each in references], axis=1)
+        width = 4 * np.pi * self._band.highest / SPEED_OF_LIGHT * np.ptp(ends, axis=1)
+        if turn_fast:
+            returned = np.stack([(gains * waves)[surface == number].sum(axis=0) for number in range(len(level))])
+            rest = LEAVE_ONE_OUT_SHARE * np.sqrt(missed_energy(gains, waves, shares, width, surface, len(level)))
+            return RefinementChoice(np.zeros(0, np.intp), 1, rest, rms(returned), np.zeros(0))
         found = choose_refinement(
-            self._first_pair_gains(own[half], [each[:, some] for each in values], corrections, expansion),
-            np.concatenate([self._phasors(each[some]) for each in references], axis=1),
+            gains,
+            waves,
             np.where(near[:, None], shares[some], 1.0),
-            4 * np.pi * self._band.highest / SPEED_OF_LIGHT * np.ptp(ends, axis=1),
+            width,
             np.all([each.facing for each in own], axis=0),
             surface[some],
             level,

@@ -187,6 +187,7 @@ def tessellate(
     smooth: Smoothing | None = None,
     still: bool = False,
     grain: float | None = None,
+    longest_edges: FloatArray | None = None,
 ) -> Tessellation:
     """Bisect the longest edges until every facet is small enough to be integrated in few parts.
 
@@ -213,6 +214,8 @@ def tessellate(
         Normals of the smooth surface, None means flat faces; whether it is static.
     grain
         Longest edge of grains [m], which do not depend on the viewpoint and bound the facets; None means no grains.
+    longest_edges
+        (face,) longest edge [m] of the facets of each face; None sets no limit.
 
     Raises
     ------
@@ -249,6 +252,8 @@ def tessellate(
             more = required_splits(image, viewpoint, frequency, tolerance, *known, bent, still)
             coarse, parts, high = coarse | more[0], np.maximum(parts, more[1]), np.maximum(high, more[2])
         sides = lengths(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]])  # opposite corner
+        if longest_edges is not None:
+            coarse |= max_component(sides) > longest_edges[face]
         if grain is not None:
             fresh = np.isnan(grains[:, 0, 0]) & (max_component(sides) <= (1.0 + _LENGTH_TOLERANCE) * grain)
             grains[fresh] = weights[fresh]

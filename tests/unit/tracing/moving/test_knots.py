@@ -75,7 +75,8 @@ def test_a_kink_warns_at_bounded_cost(caplog):
 
 @pytest.mark.parametrize("rate", [50.0, 300.0, 1000.0, 1500.0])
 def test_stated_error_of_knots(rate):
-    """Of 1 mm, met or not: the spline's own error over the stretch, told at one place between each two."""
+    """Of 1 mm: the spline's own error over the interval, found at one place between each two. Smooth vibrations get as
+    many knots as they take."""
 
     def shift(t):
         return 1e-3 * np.sin(2 * np.pi * rate * t)
@@ -85,7 +86,7 @@ def test_stated_error_of_knots(rate):
     times = np.linspace(0, LENGTH, 5001)
     missed = K * np.sqrt(np.mean((knot_weights(knots, times) @ shift(knots) - shift(times)) ** 2))
     assert 0.5 < error / missed < 1.5
-    assert (error > 1e-3) == (rate >= 1000)
+    assert error <= 1e-3
 
 
 def circling(rate):

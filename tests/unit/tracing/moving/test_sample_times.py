@@ -148,6 +148,7 @@ def test_which_corner_comes_first_makes_no_difference(turn):
 def test_too_fast_a_turn_warns(caplog):
     found = chosen(turning(4000.0, size=0.3), tolerance=1e-6, knots=385)
     assert found.error > 1e-6
+    found.warn()
     assert "turn too fast" in caplog.text
 
 
