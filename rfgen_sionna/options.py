@@ -21,7 +21,7 @@ from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.recording import bytes_text, frame_bytes
-from rfgen_sionna.scene.checks.actors import Policy
+from rfgen_sionna.scene.checks.actors import OutsidePolicy, Policy
 from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.signal import Receiver
 from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource, chosen_receiver
@@ -54,6 +54,7 @@ def check_options(
     transmission: bool,
     environment: Any,
     collisions: Policy,
+    outside: OutsidePolicy,
     device: str,
     workers: int,
 ) -> tuple[Radar, Receiver]:
@@ -74,7 +75,15 @@ def check_options(
     chosen_view(pir_resolution, fov_deg, projection, split_source(environment)[0])
     radar = _placed_radar(radar, preset, board, radar_position, look_at)
     radar.to_dict()  # refuses a radar that no file can hold
-    empty = Simulator(None, radar, rtol=rtol, collisions=collisions, max_bounces=max_bounces, transmission=transmission)
+    empty = Simulator(
+        None,
+        radar,
+        rtol=rtol,
+        collisions=collisions,
+        outside=outside,
+        max_bounces=max_bounces,
+        transmission=transmission,
+    )
     # The default image size depends on the prompt: the smaller one is checked.
     check_size(duration, radar, IMAGE_PIXELS if pir_resolution is None else pir_resolution, target)
     empty.frame_times(DEFAULT_DURATION if duration is None else duration)

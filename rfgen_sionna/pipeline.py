@@ -33,7 +33,7 @@ from rfgen_sionna.options import check_actors, check_options, check_size, chosen
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.recording import ImageView, Progress, run_info, run_plan, write_run
 from rfgen_sionna.records import Motion
-from rfgen_sionna.scene.checks.actors import Policy
+from rfgen_sionna.scene.checks.actors import OutsidePolicy, Policy
 from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource
@@ -79,6 +79,7 @@ def generate(
     up: str | None = None,
     frame_rate: float | None = None,
     collisions: Policy = "error",
+    outside: OutsidePolicy = "error",
     device: str = "auto",
     workers: int = 1,
     progress: bool | Progress | None = None,
@@ -158,6 +159,8 @@ def generate(
     collisions
         Policy for a person more than 5 cm deep in a wall or a piece of furniture: "error" refuses the run, "warn"
         warns, "ignore" does not check.
+    outside
+        Policy for an actor beyond the radar's range window: "error" refuses the run, "ignore" leaves out its returns.
     device
         Device that sums the paths: "cpu", "cuda", or "auto", CUDA if available.
     workers
@@ -200,6 +203,7 @@ def generate(
         transmission=transmission,
         environment=environment,
         collisions=collisions,
+        outside=outside,
         device=device,
         workers=workers,
     )
@@ -249,6 +253,7 @@ def generate(
     )
     scene = setting.scene
     traced: dict[str, Any] = {"rtol": rtol, "max_bounces": max_bounces, "transmission": transmission}
+    traced["outside"] = outside
     Simulator(scene, radar, others, **traced)
 
     decisions = list(setting.decisions)

@@ -30,8 +30,10 @@ from rfgen_sionna.records import AdcCube, Pir, RadarPaths
 from rfgen_sionna.scene.checks.actor_overlap import check_actor_overlaps
 from rfgen_sionna.scene.checks.actors import (
     POLICIES,
+    OutsidePolicy,
     Policy,
     check_collisions,
+    check_outside,
     check_places,
     warn_frozen,
     with_unique_names,
@@ -74,6 +76,9 @@ class Simulator(ShortRepr):
     collisions
         Policy for an actor more than 5 cm deep in a wall, a piece of furniture or another actor: "error" refuses the
         run, "warn" warns, "ignore" does not check.
+    outside
+        Policy for an actor beyond the radar's `max_range`: "error" refuses the run; "ignore" leaves out the returns from
+        beyond it, at each time, as a receiver's filter does, so that actors may come into range or leave it.
     seed
         Seed of the phases of diffuse returns, from rough surfaces (`scattering_coefficient` above 0).
     max_bounces
@@ -105,6 +110,7 @@ class Simulator(ShortRepr):
         *,
         rtol: float = 1e-3,
         collisions: Policy = "error",
+        outside: OutsidePolicy = "error",
         seed: int = 0,
         max_bounces: int | None = 1,
         transmission: bool = False,
@@ -132,6 +138,7 @@ class Simulator(ShortRepr):
         self.actors = with_unique_names(actors)
         self.rtol = float(rtol)
         self.collisions: Policy = collisions
+        self.outside = check_outside(outside)
         self.seed = check_whole("seed", seed)
         self._warned_silent = False
         self._fusion: FusedTracer | None = None
@@ -363,7 +370,8 @@ class Simulator(ShortRepr):
         """Check positions of radar and actors from `start` to `stop` [s]: distances, range window, collisions."""
         check_path_clear(self.radar, self.scene, self.actors, start, stop)
         moves = self.radar.trajectory is not None
-        check_places(self.radar, relative_objects(self.radar, None, self.actors) if moves else self.actors, start, stop)
+        placed = relative_objects(self.radar, None, self.actors) if moves else self.actors
+        check_places(self.radar, placed, start, stop, self.outside, stacklevel=3)
         check_collisions(self.scene, self._surroundings, self.actors, start, stop, self.collisions, stacklevel=3)
         check_actor_overlaps(self.actors, start, stop, self.collisions, 3, self.radar.pose(start)[0])
 

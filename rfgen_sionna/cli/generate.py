@@ -154,6 +154,9 @@ def generate(
     collisions: Annotated[
         str, typer.Option(help='Reaction to a person in walls or furniture: "error", "warn" or "ignore".')
     ] = "error",
+    outside: Annotated[
+        str, typer.Option(help='Reaction to actors beyond the range window: "error", or "ignore" their returns.')
+    ] = "error",
     device: Annotated[
         str, typer.Option(help='Device of diffusion and synthesis: "cpu", "cuda" or "auto" (CUDA if available).')
     ] = "auto",

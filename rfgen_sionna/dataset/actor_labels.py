@@ -43,6 +43,7 @@ def _one(actor: MeshActor, radar: Radar, radar_velocity: FloatArray, t: float) -
         "orientation": _facing(actor, t),
         "distance": distance,
         "radial_velocity": float((velocity - radar_velocity) @ offset / distance),
+        "in_range": float((np.linalg.norm(now - np.asarray(radar.position), axis=1) <= radar.max_range).mean()),
         "azimuth": float(np.arctan2(device[1], device[0])),
         "elevation": float(np.arcsin(np.clip(device[2], -1.0, 1.0))),
     }

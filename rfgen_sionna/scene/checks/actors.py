@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.checks.collision import CollisionFinder, report_collisions
 from rfgen_sionna.scene.checks.radar_distance import CLEARANCE, Obstacle, check_radar_clear, surface_of
 from rfgen_sionna.scene.mesh import used_vertices
+from rfgen_sionna.scene.mesh_files import LARGE_MESH, units_hint
 from rfgen_sionna.scene.rays import RayScene
 
 if TYPE_CHECKING:
@@ -23,14 +24,32 @@ if TYPE_CHECKING:
 
 Policy: TypeAlias = Literal["error", "warn", "ignore"]
 POLICIES = ("error", "warn", "ignore")
+OutsidePolicy: TypeAlias = Literal["error", "ignore"]
+OUTSIDE_POLICIES = ("error", "ignore")
 CHECK_STEP = 0.05
 """Time between checks of the actors' positions [s]: limbs move by less than 0.5 m."""
 MIN_CHECK_STEP = 1e-4
 """Shortest time between checks of an actor that passes the radar [s]; ends the bisection."""
 
 
-def check_places(radar: Radar, actors: Sequence[Obstacle], start: float, stop: float) -> None:
+def check_outside(outside: Any) -> OutsidePolicy:
+    """Policy for actors outside of the range window, checked."""
+    if not isinstance(outside, str) or outside not in OUTSIDE_POLICIES:
+        raise ValueError(f"outside is {outside!r}: allowed are {', '.join(map(repr, OUTSIDE_POLICIES))}")
+    return "ignore" if outside == "ignore" else "error"
+
+
+def check_places(
+    radar: Radar,
+    actors: Sequence[Obstacle],
+    start: float,
+    stop: float,
+    outside: OutsidePolicy = "error",
+    stacklevel: int = 1,
+) -> None:
     """Check that actors, in the frame of a radar at rest, stay in the range window and off the radar.
+
+    With `outside` "ignore" they may leave the window; one that never enters it is a warning.
 
     Raises
     ------
@@ -42,12 +61,20 @@ def check_places(radar: Radar, actors: Sequence[Obstacle], start: float, stop: f
     for actor in actors:
         steps = max(1, math.ceil((stop - start) / CHECK_STEP))
         used = used_vertices(actor.faces)[0]
-        earlier = (start, _within_window(radar, actor, used, start))
+        points, nearest = _within_window(radar, actor, used, start, outside)
+        earlier = (start, points)
         check_radar_clear(radar.position, None, [actor], start)
         for t in np.linspace(start, stop, steps + 1)[1:] if stop > start else ():
-            later = (float(t), _within_window(radar, actor, used, float(t)))
+            points, near = _within_window(radar, actor, used, float(t), outside)
+            later, nearest = (float(t), points), min(nearest, near)
             _check_passage(radar, surface_of(actor), earlier, later)
             earlier = later
+        if nearest > radar.max_range:
+            warnings.warn(
+                f"actor '{actor.name}' stays beyond the range window, which ends at {radar.max_range:.2f} m: it comes "
+                f"no nearer than {nearest:.2f} m from {start:.3f} to {stop:.3f} s and returns nothing",
+                stacklevel=stacklevel + 1,
+            )
 
 
 def warn_frozen(actors: Sequence[MeshActor], start: float, stop: float, stacklevel: int) -> None:
@@ -88,21 +115,27 @@ def check_collisions(
         report_collisions(found, policy, remedy, stacklevel + 1)
 
 
-def _within_window(radar: Radar, actor: Obstacle, used: NDArray[np.intp] | slice, t: float) -> FloatArray:
-    """(vertex, 3) world positions [m] of the `used` vertices, checked against the range window."""
+def _within_window(
+    radar: Radar, actor: Obstacle, used: NDArray[np.intp] | slice, t: float, outside: OutsidePolicy
+) -> tuple[FloatArray, float]:
+    """(vertex, 3) world positions [m] of the `used` vertices, checked against the range window, and the distance [m] of
+    the nearest one."""
     points = actor.vertices(t)
     if not np.isfinite(points).all():
         raise ValueError(f"actor '{actor.name}' has vertices that are not finite at t = {t:.3f} s")
     points = points[used]
     with np.errstate(over="ignore"):
-        reach = float(np.linalg.norm(points - np.asarray(radar.position), axis=1).max())
-    if reach > radar.max_range:
+        away = np.linalg.norm(points - np.asarray(radar.position), axis=1)
+    reach = float(away.max())
+    if reach > radar.max_range and outside == "error":
+        extent = float(np.ptp(points, axis=0).max())
+        units = f"; it is {extent:.4g} m long: {units_hint(extent)}" if extent > LARGE_MESH else ""
         raise ValueError(
             f"actor '{actor.name}' reaches {reach:.2f} m from the radar at t = {t:.3f} s; the ADC's range window "
             f"ends at {radar.max_range:.2f} m: move it closer, or take a preset with a lower slope or a "
-            "higher sample rate"
+            f'higher sample rate; with outside="ignore" it returns nothing from beyond{units}'
         )
-    return points
+    return points, float(away.min())
 
 
 def _check_passage(
