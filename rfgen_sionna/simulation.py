@@ -77,8 +77,8 @@ class Simulator(ShortRepr):
         Policy for an actor more than 5 cm deep in a wall, a piece of furniture or another actor: "error" refuses the
         run, "warn" warns, "ignore" does not check.
     outside
-        Policy for an actor beyond the radar's `max_range`: "error" refuses the run; "ignore" leaves out the returns from
-        beyond it, at each time, as a receiver's filter does, so that actors may come into range or leave it.
+        Policy for an actor beyond the radar's `max_range`: "error" refuses the run; "ignore" leaves out its returns
+        from there, at each time, as a receiver's filter does, so that actors may come into range or leave it.
     seed
         Seed of the phases of diffuse returns, from rough surfaces (`scattering_coefficient` above 0).
     max_bounces

@@ -87,7 +87,9 @@ STANDARD_LABELS: dict[str, Label] = {
     "orientation": Label("rad", ("actor",), "direction the actor faces: yaw in the world frame"),
     "distance": Label("m", ("actor",), "radar to the centre of the actor"),
     "radial_velocity": Label("m s-1", ("actor",), "rate of the distance; positive is receding"),
-    "in_range": Label("1", ("actor",), "share of the actor within the radar's range window; 0 returns nothing"),
+    "in_range": Label(
+        "1", ("actor",), "share of the actor's vertices within the radar's range window; 0 returns nothing"
+    ),
     "azimuth": Label("rad", ("actor",), "direction of the centre in the radar's frame; positive is left"),
     "elevation": Label("rad", ("actor",), "direction of the centre in the radar's frame; positive is up"),
 }
