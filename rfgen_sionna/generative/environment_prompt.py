@@ -113,17 +113,19 @@ def split_source(environment: Any) -> tuple[str, Any]:
     """
     if environment is None:
         return "auto", None
-    if is_scene(environment) or is_path(environment):
-        if is_path(environment):
-            check_scene_file(environment)
+    if is_scene(environment):
+        return "scene", environment
+    match = _SOURCE.fullmatch(environment) if isinstance(environment, str) else None
+    named = match is not None and match[1].lower() in SOURCES
+    if not named and is_path(environment):
+        check_scene_file(environment)
         return "scene", environment
     if not isinstance(environment, str):
         raise TypeError(f"environment: expected {_GIVEN}, got {type(environment).__name__}")
-    match = _SOURCE.fullmatch(environment)
-    if match is None or (match[2] is None and match[1].lower() not in SOURCES):
+    if match is None or (match[2] is None and not named):
         return "auto", environment
     source, words = match[1].lower(), (match[2] or "").strip()
-    if source not in SOURCES:
+    if not named:
         allowed = ", ".join(f"'{name}' ({meaning})" for name, meaning in SOURCES.items())
         raise PromptError(f"environment: {source!r} is no source of surroundings; allowed before the colon: {allowed}")
     if source == "none" and words:

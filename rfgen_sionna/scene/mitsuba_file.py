@@ -17,17 +17,19 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.material_names import label_parts
-from rfgen_sionna.scene.materials import Material, material
+from rfgen_sionna.scene.material_words import canonical_name
+from rfgen_sionna.scene.materials import MATERIALS, Material, material
 from rfgen_sionna.scene.mesh import bounds
 from rfgen_sionna.scene.mesh_files import MeshPart, check_digits, is_single_precision, read_mesh_parts
 from rfgen_sionna.scene.permittivity import Outside
-from rfgen_sionna.scene.scene_errors import MeshError, SceneError
+from rfgen_sionna.scene.scene_errors import MaterialError, MeshError, SceneError
 
 FAR = 256.0
 """Coordinate [m] beyond which vertices are read in double precision: 32-bit floats are 30 um apart there."""
 FARTHEST = 2048.0
 """Coordinate [m] beyond which 32-bit floats are rounded by more than 0.1 mm."""
 _RADIO = ("radio-material", "itu-radio-material", "holder-material")
+_NO_MESHES = ("sphere", "cylinder", "disk", "bsplinecurve", "linearcurve", "sdfgrid", "ellipsoids")
 _SINGLE_STEPS = 4.0
 """Roundings of a vertex by Mitsuba, in steps of 32-bit floats at the largest coordinate."""
 
@@ -47,6 +49,11 @@ def scene_tree(path: Path) -> ElementTree.Element:
     files = [_file_of(path, shape) for shape in root.iter("shape")]
     if not files and root.find(".//include") is None:
         raise SceneError(f"scene file {str(path)!r} has no shapes")
+    bodies = [shape for shape in root.iter("shape") if shape.get("type") in _NO_MESHES]
+    if other := [f"{shape.get('id', '')!r} ({shape.get('type')})" for shape in bodies]:
+        raise SceneError(
+            f"scene file {str(path)!r}: shapes {', '.join(other[:5])} are no triangle meshes: give them as PLY files"
+        )
     if missing := list(dict.fromkeys(str(file) for file in files if file is not None and not file.is_file())):
         shown = ", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if len(missing) > 5 else "")
         raise SceneError(f"scene file {str(path)!r}: mesh files do not exist: {shown}")
@@ -71,14 +78,16 @@ def scene_materials(
     root = scene_tree(path)
     every = [*root.findall("./bsdf"), *root.findall(".//shape/bsdf")]
     ids = {bsdf.get("id", ""): bsdf for bsdf in every if bsdf.get("id")}
-    bare = {name.removeprefix("mat-"): name for name in ids}
-    wanted = {bare.get(key.removeprefix("mat-"), key): of for key, of in materials.items()}
-    open_ids = [name for name, bsdf in ids.items() if name in wanted or not _is_radio(name, bsdf)]
+    wanted = {key.removeprefix("mat-"): of for key, of in materials.items()}
+    bare = [name.removeprefix("mat-") for name in ids]
+    owner = f"scene {path.name!r}"
+    if stray := [repr(key) for key in wanted if key not in bare]:
+        there = ", ".join(map(repr, bare)) or "none"
+        raise MaterialError(f"{owner}: materials names {', '.join(stray)}; materials of the file are {there}")
+    open_ids = [name for name, bsdf in ids.items() if name.removeprefix("mat-") in wanted or not _is_radio(name, bsdf)]
     none, no_faces = np.empty((0, 3)), np.empty((0, 3), np.int32)
     parts = [MeshPart("", name.removeprefix("mat-"), none, no_faces) for name in open_ids]
-    bare_wanted = {key.removeprefix("mat-"): of for key, of in wanted.items()}
-    owner = f"scene {path.name!r}"
-    labels, chosen = label_parts(parts, bare_wanted, owner, default, argument="materials", one="default_material")
+    labels, chosen = label_parts(parts, wanted, owner, default, argument="materials", one="default_material")
     found = {}
     for name, label in zip(open_ids, labels, strict=True):
         of = chosen[label]
@@ -140,7 +149,9 @@ def exact_mesh(
 
 def _is_radio(name: str, bsdf: ElementTree.Element) -> bool:
     """Whether Sionna or this package reads a material as one of radio."""
-    return bsdf.get("type") in _RADIO or name.removeprefix("mat-").startswith(("itu_", "itu-", "rfgen_"))
+    bare = name.removeprefix("mat-")
+    by_name = bare.startswith(("itu_", "itu-", "rfgen_")) and canonical_name(bare) in MATERIALS
+    return bsdf.get("type") in _RADIO or by_name
 
 
 def _file_of(path: Path, shape: ElementTree.Element) -> Path | None:

@@ -149,7 +149,7 @@ class RadarScene:
             scene = _read(self.path, variant, self._materials)
             retune(scene, self.outside)
             for name, of in self._materials.items():
-                follow(scene.get(name), of)
+                follow(scene.radio_materials[name.removeprefix("mat-")], of)
         if self.frequency is not None:
             scene.frequency = self.frequency
         return scene

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.mesh import used_vertices
+from rfgen_sionna.scene.mesh_files import LARGE_MESH, units_hint
 from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.scene.scene_errors import SceneError
 
@@ -19,8 +20,6 @@ CLEARANCE = 0.02
 """Free space needed around a radar's centre [m]: antenna arrays are a few centimetres wide."""
 ROOM_RADIUS = 0.5
 """Least distance of a closed surface around the radar [m] at which it counts as a room, not as a wall or furniture."""
-LARGE_ACTOR = 20.0
-"""Extent of an actor around the radar [m] above which its mesh is probably in millimetres."""
 PATH_STEP = 1e-3
 """Time between positions of a moving radar's path [s]: at 10 m/s half the clearance."""
 
@@ -117,8 +116,7 @@ def check_radar_clear(
         _check_gap(place, what, vertices, faces)
         if _surrounds(place, vertices, faces) != 0.0:
             extent = float(np.ptp(vertices, axis=0).max())
-            hint = f", which is {extent:.4g} m long (coordinates are in metres: scale a mesh in millimetres by 0.001)"
-            units = hint if extent > LARGE_ACTOR else ""
+            units = f", which is {extent:.4g} m long ({units_hint(extent)})" if extent > LARGE_MESH else ""
             raise SceneError(f"radar position {point_text(place)} m lies inside {what}{units}: move either")
     centres = [vertices.mean(axis=0) for _, vertices, _ in bodies]
     for item in scene.objects if scene else ():

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.generative import environment_setup as setting
@@ -112,8 +113,10 @@ def test_an_environment_may_name_its_source() -> None:
         for source in ("scene", "furnished", "diffusion"):
             assert split_source(with_source(words, source)) == (source, words)
         assert split_source(with_source(words, "auto")) == ("auto", words)
-    with pytest.raises(TypeError, match="environment: expected a text, the path of a scene file, a scene, or None, got int"):
-        split_source(3)  # type: ignore[arg-type]
+    with pytest.raises(
+        TypeError, match="environment: expected a text, the path of a scene file, a scene, or None, got int"
+    ):
+        split_source(3)
 
 
 def test_a_seed_furnishes(tiny_toml: Path) -> None:
@@ -353,3 +356,46 @@ def test_wishes_without_effect_are_refused() -> None:
     for how in (ImageOptions(model="folder"), ImageOptions(lora="folder"), ImageOptions(refine=0.5)):
         with pytest.raises(ValueError, match="only imagined surroundings take it"):
             chosen_source("furnished", parse_environment("an office"), how)
+
+
+@pytest.fixture
+def own_scene(tmp_path: Path) -> Path:
+    """A floor of concrete as a Mitsuba scene."""
+    floor = trimesh.Trimesh([[-5, -5, 0], [10, -5, 0], [10, 5, 0], [-5, 5, 0]], [[0, 1, 2], [0, 2, 3]])
+    floor.export(tmp_path / "Floor.ply")
+    shape = '<shape type="ply" id="mesh-Floor"><string name="filename" value="Floor.ply"/><ref id="mat-itu_concrete"/>'
+    text = f'<bsdf type="diffuse" id="mat-itu_concrete"/>{shape}</shape>'
+    (tmp_path / "own.xml").write_text(f'<scene version="2.1.0">{text}</scene>')
+    return tmp_path / "own.xml"
+
+
+def test_a_scene_file_is_never_read_as_words(own_scene: Path, tiny_toml: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Relative and absolute paths, as texts or paths, with a source or without; and scenes."""
+    monkeypatch.chdir(own_scene.parent)
+    radar = rfgen.Radar.load(tiny_toml, position=(0, 0, 1), look_at=(3, 0, 1))
+    scene = rfgen.load_scene(own_scene)
+    texts = ("own.xml", "./own.xml", str(own_scene), "scene: own.xml", f"scene: {own_scene}")
+    for given in (*texts, Path("own.xml"), own_scene, scene, scene.sionna, with_source(own_scene, "scene")):
+        source, what = split_source(given)
+        request = parse_environment(what)
+        assert request is not None
+        assert chosen_source(source, request, ImageOptions()) == "scene"
+        found = set_up_environment(request, "scene", radar, seed=0)
+        assert [item.name for item in found.scene.objects] == ["Floor"]
+        assert isinstance(found.name, str)
+        assert found.name
+
+
+@pytest.mark.parametrize("path", ["own/none.xml", "/none/there.glb", "scene: none.obj", Path("street"), "C:\\none.xml"])
+def test_a_scene_file_that_does_not_exist_is_no_words(path: str | Path) -> None:
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        split_source(path)
+
+
+def test_a_scene_file_has_one_source(own_scene: Path) -> None:
+    with pytest.raises(PromptError, match=r"own\.xml' is a scene file, which the source 'furnished' cannot take"):
+        split_source(f"furnished: {own_scene}")
+    with pytest.raises(ValueError, match="refine is True: only imagined surroundings"):
+        chosen_source("scene", parse_environment(own_scene), ImageOptions(refine=True))
+    with pytest.raises(PromptError, match="surroundings is 'diffusion', but environment is a scene"):
+        with_source(rfgen.load_scene(own_scene), "diffusion")

@@ -130,7 +130,10 @@ def test_names_and_aliases():
         assert canonical_name(name) == "metal"
         assert material(name).name == "metal"
     assert material("Ceiling board").name == "ceiling_board"
-    with pytest.raises(MaterialError, match=r"wall: unknown .*'granite', did you mean 'marble'.*known are abs .*asphalt_concrete \(1-40 GHz\)"):
+    with pytest.raises(
+        MaterialError,
+        match=r"wall: unknown .*'granite', did you mean 'marble'.*known are abs .*asphalt_concrete \(1-40 GHz\)",
+    ):
         material("granite", owner="wall")
     with pytest.raises(MaterialError, match="allowed are 'extrapolate', 'clamp', 'raise'"):
         material("metal", outside="guess")
@@ -208,3 +211,143 @@ def test_so_are_permittivities(found):
     odd = replace(material("skin"), name="odd", model=Odd())
     with pytest.raises(MaterialError, match=r"'odd': permittivity .* at 7.7e\+10 Hz"):
         odd.relative_permittivity(77e9)
+
+
+WATER = ((24.0, 30.23 - 35.27j), (60.0, 10.88 - 19.72j), (77.0, 8.80 - 15.91j))
+"""Frequency [GHz] and permittivity of water of 20 °C by ITU-R P.527-6."""
+
+
+@pytest.mark.parametrize(("ghz", "expected"), WATER)
+def test_water_has_two_debye_relaxations(ghz, expected):
+    """The first relaxation, of 17 GHz at 20 °C, by itself gives the permittivity within what the second adds."""
+    eps = complex(material("water").relative_permittivity(ghz * GHZ))
+    assert eps == pytest.approx(expected, abs=0.01)
+    theta = 300 / 293.15 - 1
+    static, first = 77.66 + 103.3 * theta, 20.20 - 146.4 * theta + 316 * theta**2
+    alone = 0.0671 * static + 0.9329 * static / (1 + 1j * ghz / first)
+    assert abs(eps - alone) < 0.0671 * static * ghz / (39.8 * first) + 0.2
+
+
+@pytest.mark.parametrize(
+    ("name", "at_24", "at_60", "at_77"),
+    [
+        ("sea_water", 33.60 - 36.71j, 12.11 - 22.38j, 9.45 - 18.29j),
+        ("ice", 3.1793 - 0.0018j, 3.1793 - 0.0045j, 3.1793 - 0.0058j),
+        ("snow", 1.57 - 0.0004j, 1.57 - 0.0009j, 1.57 - 0.0011j),
+        ("wet_snow", 1.816 - 0.040j, 1.778 - 0.069j, 1.763 - 0.073j),
+        ("dry_soil", 3.645 - 0.223j, 3.251 - 0.120j, 3.199 - 0.0964j),
+        ("wet_soil", 9.014 - 4.459j, 5.383 - 2.475j, 4.940 - 1.996j),
+        ("abs", 2.7 - 0.0216j, 2.7 - 0.0216j, 2.7 - 0.0216j),
+        ("pla", 2.75 - 0.033j, 2.75 - 0.033j, 2.75 - 0.033j),
+        ("pet", 2.85 - 0.0285j, 2.85 - 0.0285j, 2.85 - 0.0285j),
+        ("pmma", 2.61 - 0.0261j, 2.61 - 0.0261j, 2.61 - 0.0261j),
+        ("polycarbonate", 2.76 - 0.0193j, 2.76 - 0.0193j, 2.76 - 0.0193j),
+        ("pvc", 2.71 - 0.0163j, 2.71 - 0.0163j, 2.71 - 0.0163j),
+        ("pom", 2.73 - 0.0164j, 2.73 - 0.0164j, 2.73 - 0.0164j),
+        ("polyethylene", 2.37 - 0.0005j, 2.37 - 0.0005j, 2.37 - 0.0005j),
+        ("polypropylene", 2.27 - 0.0002j, 2.27 - 0.0002j, 2.27 - 0.0002j),
+        ("polystyrene", 2.505 - 0.0006j, 2.505 - 0.0006j, 2.505 - 0.0006j),
+        ("nylon", 3.0 - 0.054j, 3.0 - 0.054j, 3.0 - 0.054j),
+        ("ptfe", 2.05 - 0.001j, 2.05 - 0.001j, 2.05 - 0.001j),
+        ("paper", 2.8 - 0.224j, 2.8 - 0.224j, 2.8 - 0.224j),
+        ("ceramic", 5.5 - 0.055j, 5.5 - 0.055j, 5.5 - 0.055j),
+    ],
+)
+def test_everyday_things_have_the_values_of_their_sources(name, at_24, at_60, at_77):
+    for ghz, expected in ((24, at_24), (60, at_60), (77, at_77)):
+        eps = complex(material(name, outside="raise").relative_permittivity(ghz * GHZ))
+        assert eps.real == pytest.approx(expected.real, rel=5e-3), (name, ghz)
+        assert eps.imag == pytest.approx(expected.imag, rel=3e-2, abs=6e-5), (name, ghz)
+
+
+@pytest.mark.parametrize(
+    ("name", "eps", "share"),
+    [
+        ("denim", 3 - 0.24j, 0.6),
+        ("wool", 3 - 0.24j, 0.25),
+        ("cardboard", 2.8 - 0.224j, 0.25),
+        ("styrofoam", 2.505 - 0.0006j, 0.03),
+    ],
+)
+def test_mixtures_with_air_lie_within_wieners_bounds(name, eps, share):
+    """Layers along and across the field bound any mixture (Wiener 1912)."""
+    found = complex(material(name).relative_permittivity(77 * GHZ))
+    along, across = 1 - share + share * eps, 1 / (1 - share + share / eps)
+    assert across.real < found.real < along.real
+    assert along.imag < found.imag < across.imag
+
+
+def test_carbon_fibre_reflects_like_metal():
+    assert front_db("carbon_fibre", 60 * GHZ) == pytest.approx(0.0, abs=0.5)
+    assert front_db("water", 77 * GHZ) == pytest.approx(-3.5, abs=0.1)
+
+
+def test_temperature_changes_water_and_ice_only():
+    """Warm water relaxes faster: its loss is larger at 77 GHz."""
+    loss = [-material("water", temperature=t).relative_permittivity(77 * GHZ).imag for t in (0.0, 20.0, 37.0)]
+    assert loss[0] < loss[1] < loss[2]
+    with pytest.raises(MaterialError, match=r"temperature: 99 °C given, allowed are -4 … 40 °C"):
+        material("water", temperature=99)
+    with pytest.raises(MaterialError, match=r"'metal': temperature has an effect on .*water.* only"):
+        material("metal", temperature=20)
+
+
+def test_an_own_material_is_one_line():
+    f = np.array([24.0, 77.0]) * GHZ
+    resin = material("my_resin", permittivity=2.9, conductivity=0.3)
+    np.testing.assert_allclose(resin.relative_permittivity(f), 2.9 - 0.3j / (2 * np.pi * f * epsilon_0))
+    for lossy in (
+        material("r", permittivity=2.9, loss_tangent=0.02),
+        material("r", permittivity=2.9 - 0.058j),
+    ):
+        np.testing.assert_allclose(lossy.relative_permittivity(f), 2.9 - 0.058j)
+    pane = material("glass", thickness=0.004)
+    assert (pane.thickness, pane.source) == (0.004, MATERIALS["glass"].source)
+    assert material("x", 77 * GHZ, "raise", permittivity=3.0).covers(77 * GHZ)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"permittivity": -1.0}, "permittivity -1.0, a real part above 0"),
+        ({"permittivity": 3 + 1j}, "an imaginary part of at most 0"),
+        ({"permittivity": 3, "conductivity": -1}, "conductivity -1, a finite number that is not negative"),
+        ({"permittivity": 3 - 1j, "loss_tangent": 0.1}, "give its loss once"),
+        ({"conductivity": 1.0}, "permittivity is needed, too"),
+        ({"permittivity": 3, "temperature": 20}, "leave temperature out"),
+    ],
+)
+def test_an_own_material_is_checked(arguments, message):
+    with pytest.raises(MaterialError, match=f"'my_resin'.*{message}"):
+        material("my_resin", **arguments)
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("human", "skin"),
+        ("Concrete_Wall.001", "concrete"),
+        ("tyres", "rubber"),
+        ("CarWindow", "metal|glass"),
+        ("granite", "marble"),
+        ("concret", "concrete"),
+        ("road", "asphalt_concrete"),
+        ("watre", "water"),
+    ],
+)
+def test_hints_go_by_the_meaning(word, meant):
+    with pytest.raises(MaterialError, match=rf"unknown material '{word}', did you mean '(?:{meant})'\?"):
+        material(word)
+
+
+def test_a_word_without_a_meaning_gets_the_recipe_of_an_own_material():
+    with pytest.raises(
+        MaterialError, match=r"unknown material 'zorp'; known are .*material\('my_resin', permittivity="
+    ):
+        material("zorp")
+
+
+@pytest.mark.parametrize("word", ["teflon", "plexiglass", "acrylic", "copper", "seawater", "cfrp", "jeans", "hdpe"])
+def test_other_spellings_are_defined_at_radar_frequencies(word):
+    for ghz in (24, 60, 77):
+        material(word, ghz * GHZ, outside="raise")

@@ -48,8 +48,9 @@ def test_a_radar_inside_an_actor_is_refused():
 
 
 def test_an_actor_in_millimetres_is_asked_for_its_units():
-    ball = MeshActor.from_mesh((1e3 * BALL.vertices, BALL.faces), material="metal", name="ball", position=(3, 0, 1))
-    with pytest.raises(SceneError, match=r"inside actor 'ball' at t = 0 s, which is 2000 m long .* by 0\.001\)"):
+    with pytest.warns(UserWarning, match=r"ball: it is 2000 m long; .* scale=0\.001"):
+        ball = MeshActor.from_mesh((1e3 * BALL.vertices, BALL.faces), material="metal", name="ball", position=(3, 0, 1))
+    with pytest.raises(SceneError, match=r"inside actor 'ball' at t = 0 s, which is 2000 m long .* scale=0\.001"):
         check_radar_clear((0, 0, 1), None, [ball])
 
 
