@@ -91,7 +91,7 @@ def measured_person(
         PhenotypeError: the attributes of `body` are out of reach.
         ImportError: anny (or torch) is not installed.
     """
-    motion = motion_of_positions(recording.positions, recording.frame_rate, action=action)
+    motion = motion_of_positions(recording.positions, recording.frame_rate, lengths=recording.lengths, action=action)
     rig = fitted_body(body if isinstance(body, Rig) else _drawn(recording, body, seed), motion.offsets)
     joints = joint_rotations(motion)
     lowest = _lowest_sole(rig, joints, motion.translation)

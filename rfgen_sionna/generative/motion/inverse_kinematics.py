@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
@@ -27,6 +29,7 @@ from rfgen_sionna.generative.motion.skeleton import (
     PARENTS,
     SIDES,
     side_sign,
+    two_bone,
 )
 from rfgen_sionna.records import Motion
 
@@ -36,6 +39,8 @@ _TURNING = 0.1
 """Smoothing time of a limb's plane of bending [s]: a third of the fastest voluntary cycle."""
 _STRETCHED = 0.3
 """Relative change of a bone's length that makes its direction doubtful: limbs that point at a depth camera."""
+_REACH = 0.1
+"""Farthest correction of a limb's end [m]; beyond, the recorded joints are no limb's."""
 _BRIDGED = 0.25
 """Smoothing time of a direction where it is doubtful [s]: half of the longest gap."""
 _STANDING = (0.02, 0.08)
@@ -46,7 +51,14 @@ _LOWEST = 0.1
 """Quantile of an ankle's heights that counts as its lowest: above noise, below the share of standing in a walk."""
 
 
-def motion_of_positions(positions: FloatArray, frame_rate: float, *, action: str = "", prompt: str = "") -> Motion:
+def motion_of_positions(
+    positions: FloatArray,
+    frame_rate: float,
+    *,
+    lengths: Mapping[str, float] | None = None,
+    action: str = "",
+    prompt: str = "",
+) -> Motion:
     """A motion whose joints follow positions, on a skeleton with their bone lengths, at their place.
 
     Hips, neck, collars and vertebrae sit where they are in the median in the frames of pelvis and chest; bones of
@@ -57,6 +69,7 @@ def motion_of_positions(positions: FloatArray, frame_rate: float, *, action: str
     Args:
         positions: (frame, 22, 3) the body's joints [m], z up; smooth, since rotations amplify noise.
         frame_rate: poses per second [Hz].
+        lengths: joint -> distance from its parent [m], of knees, ankles, elbows and wrists; None takes the medians.
         action: label.
         prompt: text of the motion.
 
@@ -71,7 +84,7 @@ def motion_of_positions(positions: FloatArray, frame_rate: float, *, action: str
     if not (np.isfinite(frame_rate) and frame_rate > 0.0):
         raise ValueError(f"frame_rate: {frame_rate!r} Hz; allowed is more than 0")
     pelvis, chest = _trunk_frames(p)
-    rest = measured_offsets(p, pelvis, chest)
+    rest = measured_offsets(p, pelvis, chest, lengths or {})
     world, places = np.empty((*p.shape[:2], 3, 3)), np.empty_like(p)
     hips = 0.5 * (p[:, JOINT["left_hip"]] + p[:, JOINT["right_hip"]])
     middle = 0.5 * (rest[JOINT["left_hip"]] + rest[JOINT["right_hip"]])
@@ -106,15 +119,18 @@ def motion_of_positions(positions: FloatArray, frame_rate: float, *, action: str
         ):
             a, b, c = (JOINT[f"{side}_{name}"] for name in names)
             put(f"{side}_{names[0]}")
-            first = _along(p[:, b] - places[:, a], rest[b], frame_rate)
-            places[:, b] = places[:, a] + np.linalg.norm(rest[b]) * first
-            second = _along(p[:, c] - places[:, b], rest[c], frame_rate)
-            places[:, c] = places[:, b] + np.linalg.norm(rest[c]) * second
+            lengths = (float(np.linalg.norm(rest[b])), float(np.linalg.norm(rest[c])))
+            first = _along(p[:, b] - places[:, a], lengths[0], frame_rate)
+            second = _along(p[:, c] - places[:, a] - lengths[0] * first, lengths[1], frame_rate)
+            if names[0] == "hip":
+                first, second = _reaching(places[:, a], p[:, c], (first, second), lengths)
+            places[:, b] = places[:, a] + lengths[0] * first
+            places[:, c] = places[:, b] + lengths[1] * second
             world[:, a], world[:, b] = _limb(root, (rest[b], rest[c]), (first, second), bend, _TURNING * frame_rate)
         wrist, ankle, foot = (JOINT[f"{side}_{name}"] for name in ("wrist", "ankle", "foot"))
         world[:, wrist] = world[:, JOINT[f"{side}_elbow"]]
         world[:, ankle] = _foot(world[:, JOINT[f"{side}_knee"]], rest[foot], p[:, foot] - p[:, ankle],
-                                p[:, ankle, 2], side_sign(side))  # fmt: skip
+                                p[:, ankle, 2], side_sign(side), _TURNING * frame_rate)  # fmt: skip
         world[:, foot] = world[:, ankle]
     places[:, 0] += _standing_shift(p, places)
     local = world.copy()
@@ -143,12 +159,13 @@ def _trunk_frames(p: FloatArray) -> tuple[FloatArray, FloatArray]:
     return pelvis[..., [2, 0, 1]], np.stack([np.cross(left, up), left, up], axis=-1)
 
 
-def measured_offsets(p: FloatArray, pelvis: FloatArray, chest: FloatArray) -> FloatArray:
+def measured_offsets(p: FloatArray, pelvis: FloatArray, chest: FloatArray, lengths: Mapping[str, float]) -> FloatArray:
     """(22, 3) rest positions of the joints relative to their parents [m], with the lengths of positions (frame, 22, 3).
 
     Args:
         p: (frame, 22, 3) positions [m].
         pelvis, chest: (frame, 3, 3) their rotations.
+        lengths: joint -> distance from its parent [m], where it is known better.
     """
     rest = np.zeros((NUM_BODY_JOINTS, 3))
 
@@ -158,6 +175,8 @@ def measured_offsets(p: FloatArray, pelvis: FloatArray, chest: FloatArray) -> Fl
 
     def length(joint: str) -> float:
         j = JOINT[joint]
+        if joint in lengths:
+            return lengths[joint]
         return float(np.median(np.linalg.norm(p[:, j] - p[:, PARENTS[j]], axis=-1)))
 
     for joint in ("left_hip", "right_hip", "spine1", "spine2", "spine3"):
@@ -221,9 +240,28 @@ def _direction(v: FloatArray) -> FloatArray:
     return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9)
 
 
-def _along(v: FloatArray, rest: FloatArray, frame_rate: float) -> FloatArray:
+def _reaching(
+    start: FloatArray, target: FloatArray, directions: tuple[FloatArray, FloatArray], lengths: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """(frame, 3) directions of a limb's bones, corrected so that a flexed limb ends at `target` (frame, 3) [m].
+
+    A straight limb keeps its directions: there a millimetre of its end is a centimetre of its knee or elbow.
+    """
+    first, second = directions
+    end = start + lengths[0] * first + lengths[1] * second
+    flexion = np.arccos(np.clip(np.sum(first * second, axis=-1), -1.0, 1.0))
+    share = ease((flexion - _FLEXED) / _FLEXED)[:, None]
+    shift = target - end
+    shift = shift * np.minimum(1.0, _REACH / np.maximum(np.linalg.norm(shift, axis=-1, keepdims=True), 1e-9))
+    pole = first - second + 1e-6 * Z
+    middle, _, _ = two_bone(start, end + share * shift, pole, *lengths)
+    reached = share > 0.0
+    first = np.where(reached, _direction(middle - start), first)
+    return first, np.where(reached, _direction(end + share * shift - middle), second)
+
+
+def _along(v: FloatArray, length: float, frame_rate: float) -> FloatArray:
     """(frame, 3) directions of a bone; where `v` (frame, 3) has another length than the bone, those around count."""
-    length = float(np.linalg.norm(rest))
     trust = np.exp(-(((np.linalg.norm(v, axis=-1, keepdims=True) / length - 1.0) / _STRETCHED) ** 2))
     if len(v) < 4:
         return _direction(v)
@@ -273,12 +311,16 @@ def _limb(
     return turned[0], turned[1]
 
 
-def _foot(shank: FloatArray, rest: FloatArray, direction: FloatArray, height: FloatArray, side: int) -> FloatArray:
+def _foot(
+    shank: FloatArray, rest: FloatArray, direction: FloatArray, height: FloatArray, side: int, smoothing: float
+) -> FloatArray:
     """(n, 3, 3) rotation of a foot along `direction`, without roll against the shank, level near the floor and nowhere
-    under it."""
+    under it; `smoothing` of its heading in frames."""
     left = np.array([0.0, float(side), 0.0])
     u0, free = normalised(rest), _off_floor(height)[:, None]
     level = direction * [1.0, 1.0, 0.0]
+    if len(level) > 3:
+        level = gaussian_filter1d(level, smoothing, axis=0, mode="nearest")
     size = np.linalg.norm(level, axis=-1, keepdims=True)
     # a foot that points down has no heading of its own: the shank's
     heading = level + np.maximum(0.02 - size, 0.0) * (shank @ X) * [1.0, 1.0, 0.0]
@@ -286,11 +328,13 @@ def _foot(shank: FloatArray, rest: FloatArray, direction: FloatArray, height: Fl
     flat = heading * np.linalg.norm(rest[:2]) + rest[2] * Z
     pitch = np.arcsin(np.clip(_direction(direction)[:, 2:], -1.0, 1.0)) - np.arcsin(u0[2])
     free = np.maximum(free, ease((np.abs(pitch) - _ROLLING[0]) / (_ROLLING[1] - _ROLLING[0])))
+    if len(free) > 3:
+        free = gaussian_filter1d(free, smoothing, axis=0, mode="nearest")
     along = _direction(free * _direction(direction) + (1.0 - free) * normalised(flat))
     # toes reach down to the floor, with a smooth knee of two millimetres
     length = np.linalg.norm(rest)
     toe, lowest = along[:, 2] * length, rest[2] - np.maximum(over_lowest(height), 0.0)
     sine = np.clip(0.5 * (toe + lowest + np.hypot(toe - lowest, 0.002)) / length, -0.99, 0.99)[:, None]
-    along = perpendicular(along, Z) * np.sqrt(1.0 - sine**2) + sine * Z
+    along = _direction(along * [1.0, 1.0, 0.0] + 0.1 * heading) * np.sqrt(1.0 - sine**2) + sine * Z
     across = free * (shank @ left) + (1.0 - free) * side * np.cross(Z, heading)
     return basis(along, across) @ transpose(basis(u0, perpendicular(left, u0)))

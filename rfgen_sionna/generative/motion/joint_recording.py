@@ -46,6 +46,8 @@ class JointRecording:
     """Joints that were measured; the others are interpolated along the trunk or carried along."""
     noise: dict[str, float]
     """Median distance of each measured joint's raw positions from the smooth path [m]."""
+    lengths: dict[str, float]
+    """Joint -> median distance from its parent in the raw positions [m], of knees, ankles, elbows and wrists."""
     hip_centred: bool
     """Whether the hips are the origin in every frame, as in MediaPipe's world landmarks."""
 
@@ -88,6 +90,9 @@ def record_joints(
     unseen = [name for name in _OPTIONAL if name in joints and np.isnan(places[:, kept.index(name)]).all()]
     part = [k for k, name in enumerate(kept) if name not in unseen]
     kept, places, trust = [kept[k] for k in part], places[:, part], trust[:, part]
+    for name, path in zip(kept, places.swapaxes(0, 1), strict=True):
+        if np.isnan(path).all():
+            raise ClipError(f"{track.label}: {name} is missing in all frames, and no body goes without it")
     at = _times(track, frame_rate, times)
     check_size(track.label, places, kept, scale)
     axis = up if up is not None else track.up
@@ -107,12 +112,22 @@ def record_joints(
     body = {name: smooth[:, k] for k, name in enumerate(kept)}
     return JointRecording(
         complete(body), rate, tuple(name for name in kept if name in JOINT and JOINT[name] < NUM_BODY_JOINTS),
-        {name: float(np.nanmedian(distance[:, k])) for k, name in enumerate(kept)}, centred,
+        {name: float(np.nanmedian(distance[:, k])) for k, name in enumerate(kept)}, _lengths(places, kept), centred,
     )  # fmt: skip
 
 
+def _lengths(places: FloatArray, names: Sequence[str]) -> dict[str, float]:
+    bones = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
+    return {
+        f"{side}_{b}": float(np.nanmedian(_distance(places, names, f"{side}_{a}", f"{side}_{b}")))
+        for side in SIDES
+        for a, b in bones
+    }
+
+
 def _at_origin(path: FloatArray) -> bool:
-    return bool(np.nanmax(np.abs(path)) == 0.0)
+    seen = path[np.isfinite(path)]
+    return bool(len(seen) and not seen.any())
 
 
 def _times(track: JointTrack, frame_rate: float | None, times: ArrayLike | None) -> FloatArray:

@@ -51,7 +51,7 @@ def test_positions_give_the_joints_back(action: str) -> None:
     toes = [JOINT["left_foot"], JOINT["right_foot"]]
     assert np.delete(error, toes, axis=1).max() < 0.008
     # feet near the floor are levelled, as the noise of cameras needs
-    assert error[:, toes].max() < 0.03
+    assert error[:, toes].max() < 0.035
     lengths = [np.linalg.norm(m.offsets[4:NUM_BODY_JOINTS], axis=-1) for m in (made, SOURCE(action, 4.0, 1))]
     limbs = [JOINT[f"{s}_{j}"] - 4 for s in ("left", "right") for j in ("knee", "ankle", "elbow", "wrist")]
     np.testing.assert_allclose(lengths[0][limbs], lengths[1][limbs], rtol=0.01)
