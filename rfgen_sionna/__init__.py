@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rfgen_sionna.records import PathKind as PathKind
     from rfgen_sionna.records import Pir as Pir
     from rfgen_sionna.records import RadarPaths as RadarPaths
+    from rfgen_sionna.scene import Material as Material
     from rfgen_sionna.scene import load_scene as load_scene
     from rfgen_sionna.scene import material as material
     from rfgen_sionna.scene.furnished import furnished as furnished
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Actor": "generative.actor",
     "AdcCube": "records",
+    "Material": "scene",
     "MeshSequence": "records",
     "Motion": "records",
     "PathKind": "records",

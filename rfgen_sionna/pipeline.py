@@ -95,7 +95,8 @@ def generate(
         Further actors, each with its place in the world (:class:`~rfgen_sionna.generative.actor.Actor`). Without a
         prompt they are all.
     environment
-        Surroundings in words ("a living room"), or name of a scene ("living_room", "Munich"); "free space" is none.
+        Surroundings in words ("a living room"), name of a scene ("living_room", "Munich"), or path of a scene file or
+        scene object, as of :func:`rfgen_sionna.load_scene`; "free space" is none.
         None takes the surroundings of the prompt. A source may precede the words ("furnished: an office"), or be alone,
         for the place of the prompt ("furnished"). Sources: "scene", the scene of a file; "furnished", a place furnished
         by the seed; "diffusion", an image of a diffusion model (:mod:`rfgen_sionna.generative.environment`); "none",

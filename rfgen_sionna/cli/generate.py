@@ -53,8 +53,9 @@ def generate(
     environment: Annotated[
         str | None,
         typer.Option(
-            help='Surroundings: "a living room", "an office", "free space", a scene of Sionna (default: the place in '
-            'the prompt). With a source: "furnished: an office" (furnished at random), "scene: a living room" (a '
+            help='Surroundings: "a living room", "an office", "free space", a scene of Sionna, the path of a scene '
+            "(Mitsuba's XML, glTF, OBJ) (default: the place in the prompt). "
+            'With a source: "furnished: an office" (furnished at random), "scene: a living room" (a '
             'scene file), "diffusion: a street" (an image from a diffusion model).'
         ),
     ] = None,

@@ -85,7 +85,7 @@ class MeshScene(ArrayScene):
     ) -> None:
         super().__init__(path.stem, path, outside=outside)
         parts = read_mesh_parts(path, up=up, scale=scale, front=False)
-        words = {"argument": "materials", "one": "default_material"}
+        words = {"argument": "materials", "one": "default_material", "call": "load_scene "}
         labels, chosen = label_parts(parts, materials or {}, self.name, default_material, **words)
         found = {
             label: of if isinstance(of, Material) else material(of, outside=outside, owner=f"{self.name}: {label}")

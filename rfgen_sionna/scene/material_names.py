@@ -21,6 +21,7 @@ def label_parts(
     default: str | Material | None = None,
     argument: str = "material",
     one: str = "material",
+    call: str = "",
 ) -> tuple[list[str], dict[str, str | Material]]:
     """Label of each part, the name of its material or object, and the material of each label.
 
@@ -30,7 +31,8 @@ def label_parts(
             ("Glass.001") has the material of its original.
         owner: name of the mesh or scene, for messages.
         default: material of parts with unknown names; None refuses them.
-        argument, one: names of the arguments for `given` and for one material of all parts, for messages.
+        argument, one, call: names of the arguments for `given` and for one material of all parts, and of their
+            function, for messages.
 
     Raises:
         MaterialError: names of parts are unknown, or `given` has others.
@@ -69,7 +71,8 @@ def label_parts(
         )
     if unknown:
         example = ", ".join(f"{name!r}: {guess!r}" for name, guess in unknown.items())
-        what = f"no known material for {', '.join(map(repr, unknown))}; give {one}='metal' for all of them, or "
+        listed = ", ".join(map(repr, unknown))
+        what = f"no known material for {listed}; give {call}{one}='metal' for all of them, or "
         what += f"{argument}={{{example}}} with a material for each"
         raise MaterialError(f"{owner}: {what if there else 'no material given'}; {choices()}")
     return labels, materials

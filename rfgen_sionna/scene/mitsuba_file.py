@@ -87,7 +87,7 @@ def scene_materials(
     open_ids = [name for name, bsdf in ids.items() if name.removeprefix("mat-") in wanted or not _is_radio(name, bsdf)]
     none, no_faces = np.empty((0, 3)), np.empty((0, 3), np.int32)
     parts = [MeshPart("", name.removeprefix("mat-"), none, no_faces) for name in open_ids]
-    labels, chosen = label_parts(parts, wanted, owner, default, argument="materials", one="default_material")
+    labels, chosen = label_parts(parts, wanted, owner, default, "materials", "default_material", "load_scene ")
     found = {}
     for name, label in zip(open_ids, labels, strict=True):
         of = chosen[label]

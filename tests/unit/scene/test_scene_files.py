@@ -54,7 +54,7 @@ def test_a_gltf_scene_has_blenders_coordinates_and_a_material_for_each_part(room
 
 
 def test_unknown_materials_of_a_mesh_scene_are_refused_with_all_names(room: Path) -> None:
-    with pytest.raises(MaterialError, match=r"room: no known material for 'Mat\.001'; give default_material='metal'"):
+    with pytest.raises(MaterialError, match=r"no known material for 'Mat\.001'; give load_scene default_material='me"):
         rfgen.load_scene(room)
     assert rfgen.load_scene(room, default_material="wood").objects[0].material == "wood"
     with pytest.raises(MaterialError, match=r"materials names 'Roof', which no part has"):
@@ -152,7 +152,7 @@ def test_a_material_object_keeps_its_thickness_in_a_mitsuba_scene(tmp_path: Path
         (
             '<bsdf type="diffuse" id="mat-A"/><bsdf type="diffuse" id="mat-itu_b"/><shape type="cube"/>',
             MaterialError,
-            r"no known material for 'A', 'itu_b'; give default_material=",
+            r"no known material for 'A', 'itu_b'; give load_scene default_material=",
         ),
     ],
 )
