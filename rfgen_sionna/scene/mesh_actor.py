@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -94,7 +94,7 @@ class MeshActor(ShortRepr):
         name: str | None = None,
         up: str | None = None,
         scale: float | None = None,
-    ) -> MeshActor:
+    ) -> Self:
         """A rigid actor.
 
         Args:
