@@ -97,7 +97,7 @@ class FrameWriter:
             raise ValueError(f"{kind} are given for {sorted(given)}; needed for {sorted(names)}")
         rows = []
         for actor, count in wanted:
-            array = np.asarray(given[actor.name], np.float32)
+            array = np.asarray(given[actor.name], np.float64)
             if array.shape != (count, 3) or not np.all(np.isfinite(array)):
                 raise ValueError(f"{kind} of '{actor.name}' have shape {array.shape}: finite ({count}, 3) is needed")
             rows.append((f"actors/{actor.name}/{kind}", array))

@@ -13,6 +13,8 @@ import numpy as np
 from rfgen_sionna.dataset.schema import AXES, FORMAT, PIR_CHANNELS, RADARS, VERSION, ActorInfo, Label, RunInfo
 from rfgen_sionna.records import Pir
 
+FAR = 1e3
+"""Coordinate of a radar [m] beyond which meshes are stored as float64: float32 numbers are 0.06 mm apart."""
 _TEXT = h5py.string_dtype()
 
 
@@ -105,11 +107,12 @@ def create_run(file: h5py.Group, info: RunInfo) -> None:
     file.create_group("actors")
     if info.actors:
         _scale(file, "actor", [actor.name for actor in info.actors], "name of the actor")
+    far = np.abs(radar.position).max() > FAR
     for actor in info.actors:
-        _create_actor(file, actor)
+        _create_actor(file, actor, np.float64 if far else np.float32)
 
 
-def _create_actor(file: h5py.Group, actor: ActorInfo) -> None:
+def _create_actor(file: h5py.Group, actor: ActorInfo, number: type[np.floating[Any]]) -> None:
     at = f"actors/{actor.name}"
     file.create_group(at).attrs["material"] = actor.material
     _scale(file, f"{at}/vertex", np.arange(actor.num_vertices, dtype=np.int32), "vertex number")
@@ -120,13 +123,13 @@ def _create_actor(file: h5py.Group, actor: ActorInfo) -> None:
     _fixed(file, f"{at}/faces", actor.faces, (face, corner), "", "vertex numbers, counter-clockwise from outside")
     _fixed(file, f"{at}/face_part", actor.face_parts, (face,), "", "index into part")
     _series(
-        file, f"{at}/vertices", (actor.num_vertices, 3), np.float32, (f"{at}/vertex", "axis"), "m",
+        file, f"{at}/vertices", (actor.num_vertices, 3), number, (f"{at}/vertex", "axis"), "m",
         "vertex position, world frame",
     )  # fmt: skip
     if actor.joint_names:
         _scale(file, f"{at}/joint", list(actor.joint_names), "name of the joint")
         _series(
-            file, f"{at}/joints", (len(actor.joint_names), 3), np.float32, (f"{at}/joint", "axis"), "m",
+            file, f"{at}/joints", (len(actor.joint_names), 3), number, (f"{at}/joint", "axis"), "m",
             "joint position, world frame",
         )  # fmt: skip
 

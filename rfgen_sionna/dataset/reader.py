@@ -39,15 +39,15 @@ class ActorRecord(ShortRepr):
     _file: RunFile
     _radar_name: str
 
-    def vertices(self, frame: int) -> NDArray[np.float32]:
+    def vertices(self, frame: int) -> NDArray[np.floating[Any]]:
         """(vertex, 3) world positions [m] in frame `frame`."""
         return self._points("vertices", frame)
 
-    def joints(self, frame: int) -> NDArray[np.float32]:
+    def joints(self, frame: int) -> NDArray[np.floating[Any]]:
         """(joint, 3) world positions [m] in frame `frame`; (0, 3) where the actor has no skeleton."""
         return self._points("joints", frame) if self.joint_names else np.empty((0, 3), np.float32)
 
-    def _points(self, kind: str, frame: int) -> NDArray[np.float32]:
+    def _points(self, kind: str, frame: int) -> NDArray[np.floating[Any]]:
         return np.asarray(self._file.group(self._radar_name)[f"actors/{self.name}/{kind}"][frame])
 
 

@@ -10,7 +10,8 @@ compound (r, i) of h5py and NumPy::
     /tx_phase, /tx_advance  (tx, tx_element) phases of the Tx elements [degree], if `tx` counts slots
     /pir/image      (frame, channel, row, column) float32; channel: energy, time_of_arrival [s], velocity [m s-1]
     /pir/...        time, position, orientation of the viewpoint per frame
-    /actors/NAME/   vertices (frame, vertex, axis) [m], faces, face_part, joints (frame, joint, axis) [m]
+    /actors/NAME/   vertices (frame, vertex, axis) [m], faces, face_part, joints (frame, joint, axis) [m]; float32, or
+                    float64 for a radar more than 1 km from the origin
     /labels/NAME    (frame, ...) as declared, with units
 
 Attributes of the file: prompt, its interpretation (report), environment, radar (JSON), seeds, settings and versions

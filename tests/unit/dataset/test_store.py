@@ -257,3 +257,71 @@ def test_bad_descriptions_are_named(radar):
         RunInfo(radar, labels={"x": Label("m", ("frame",))})
     with pytest.raises(TypeError, match=r"seeds\['noise'\] is 1.5"):
         RunInfo(radar, seeds={"noise": 1.5})
+
+
+def test_meshes_in_utm_coordinates_keep_micrometres(tmp_path, info, frame):
+    place = np.array([690123.37, 5335012.61, 520.13])
+    far = replace(info, radar=info.radar.placed(position=tuple(place.tolist())))
+    given = frame(0)
+    given["vertices"] = {name: points + place for name, points in given["vertices"].items()}
+    given["joints"] = {name: points + place for name, points in given["joints"].items()}
+    with RunWriter(tmp_path / "far.h5", far) as writer:
+        writer.append(**given)
+    with open_run(tmp_path / "far.h5") as run:
+        for name in ("person", "ball"):
+            np.testing.assert_allclose(run.actors[name].vertices(0), given["vertices"][name], rtol=0, atol=1e-6)
+
+
+def test_frames_of_a_killed_process_are_continued(tmp_path, radar):
+    """Nothing can be tidied up at SIGKILL: each frame is on the disk when append returns."""
+    script = textwrap.dedent(
+        """
+        import sys, time, numpy as np
+        from rfgen_sionna.dataset import RunInfo, RunWriter
+        from rfgen_sionna.radar import Radar
+        radar = Radar.from_dict(eval(sys.argv[2]))
+        with RunWriter(sys.argv[1], RunInfo(radar, settings={"rtol": 0.01}), resume=True) as writer:
+            for frame in range(2):
+                writer.append(np.full(radar.frame_shape, frame, np.complex64), time=0.1 * frame, full_scale=4.0)
+            print("ready", flush=True)
+            time.sleep(60)
+        """
+    )
+    output = tmp_path / "run.h5"
+    child = subprocess.Popen([sys.executable, "-c", script, str(output), repr(radar.to_dict())], stdout=subprocess.PIPE)
+    assert child.stdout.readline() == b"ready\n"
+    info = RunInfo(radar, settings={"rtol": 0.01})
+    with pytest.raises(OutputError, match="another process writes them"), RunWriter(output, info, resume=True):
+        pass
+    child.send_signal(signal.SIGKILL)
+    child.communicate(timeout=20)
+    with pytest.raises(OutputError, match=r"whose settings\.rtol is 0\.01 instead of 0\.02: delete that file"):
+        RunWriter(output, replace(info, settings={"rtol": 0.02}), resume=True).__enter__()
+    with RunWriter(output, info, resume=True) as writer:
+        assert writer.frames == 2
+        assert writer.radar().full_scale == 4.0
+        writer.append(np.full(radar.frame_shape, 2, np.complex64), time=0.2, full_scale=4.0)
+    assert list(tmp_path.iterdir()) == [output]
+    with open_run(output) as run:
+        assert run.adc[:, 0, 0, 0, 0].real.tolist() == [0.0, 1.0, 2.0]
+        assert run.full_scale == 4.0
+
+
+def test_each_of_several_radars_needs_its_frames(tmp_path, radar):
+    infos = {name: RunInfo(radar) for name in ("left", "right")}
+    with pytest.raises(OutputError, match="no frame was written"), RunWriter(tmp_path / "run.h5", infos) as writer:
+        writer.append(np.zeros(radar.frame_shape, np.complex64), time=0.0, radar="left")
+    assert not list(tmp_path.iterdir())
+
+
+def test_real_samples_of_a_real_adc(tmp_path, radar):
+    real = replace(radar, adc=replace(radar.adc, real=True))
+    shape = real.frame_shape
+    with RunWriter(tmp_path / "run.h5", RunInfo(real)) as writer:
+        with pytest.raises(ValueError, match=r"adc is complex64 .*; real .* is needed by the radar"):
+            writer.append(np.zeros(shape, np.complex64), time=0.0)
+        writer.append(np.full(shape, 0.5), time=0.0, full_scale=1.0, clipped=0.25)
+    with open_run(tmp_path / "run.h5") as run:
+        assert run.adc.dtype == np.float32
+        assert run.clipped == np.prod(shape) / 4
+        assert np.all(run.cube().data == 0.5)
