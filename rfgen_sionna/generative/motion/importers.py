@@ -95,7 +95,7 @@ def positions_of_humanml(features: FloatArray) -> FloatArray:
 
 def _load_npy(path: Path, up: str | None, frame_rate: float | None, index: int, action: str) -> Motion:
     data = read_arrays(path)
-    if is_smpl(data):
+    if is_smpl(data) or (isinstance(data, dict) and "motion" not in data):
         return load_motion(path, up=up, frame_rate=frame_rate, index=index, action=action)
     prompt = ""
     if isinstance(data, dict):

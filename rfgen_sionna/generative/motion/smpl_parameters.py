@@ -34,7 +34,8 @@ _PARTS = (
     ("global_orient", "body_pose", ("left_hand_pose", "right_hand_pose")),
 )
 """Keys of root, body and hands in AMASS and in the smplx package."""
-_FRAMES = (("smpl_params_global", "y"), ("smpl_params_incam", "-y"), ("smpl_params", "-y"), ("smpl", "-y"))
+_FRAMES = (("smpl_params_global", "y"), ("smpl_params_incam", "-y"), ("pred_smpl_params", "-y"),
+           ("smpl_params", "-y"), ("smpl", "-y"))  # fmt: skip
 """Key of a dictionary of parameters -> up axis (GVHMR, HMR 2.0)."""
 _LAYOUTS = {66: "SMPL body, 22 joints", 72: "SMPL, 24 joints", 156: "SMPL-H, 52 joints", 165: "SMPL-X, 55 joints"}
 _STANDING = 0.7
@@ -192,6 +193,8 @@ def _track(name: str, data: Mapping[str, Any]) -> SmplTrack:
         if translation.ndim == 3 and translation.shape[1] == 1:
             translation = translation[:, 0]
         up = up or _PLACES[place]
+        if "smpl_scaling" in data:  # of AIST++
+            translation = translation / _numbers(name, "smpl_scaling", data["smpl_scaling"]).ravel()[0]
     key = next((key for key in _RATES if key in data), None)
     rate = None
     if key is not None:
