@@ -52,6 +52,7 @@ class RunFile:
         if not self._file:
             raise ValueError(f"run '{self.path}' is closed")
         if self._process != os.getpid():
+            self._file.close()  # HDF5 would share the handle with a file that is open
             self._file, self._process = _checked(self.path), os.getpid()
         return self._file
 
