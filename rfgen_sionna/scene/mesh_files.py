@@ -31,7 +31,9 @@ LARGE_SCENE, HIGH_SCENE = 10e3, 900.0
 """Extent and height of a scene [m] above which it is probably in millimetres; no building is higher."""
 SINGLE_STEP = 2e-4
 """Allowed distance of neighbouring coordinates [m]: roundings of 0.1 mm."""
-_PACKED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization")
+_PACKED = (
+    "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization", "EXT_mesh_gpu_instancing",
+)  # fmt: skip
 
 _FORWARD: Mapping[str, tuple[tuple[int, int, int], ...]] = MappingProxyType(
     {
@@ -266,20 +268,26 @@ def _material_name(mesh: Any) -> str:
 
 
 def _check_gltf(path: Path) -> None:
-    """Refuse packed geometry, and warn of an animation, of a glTF file."""
+    """Refuse geometry of a glTF file that trimesh does not read, and warn of animations and bones."""
     raw = path.read_bytes()
     try:
         tree = json.loads(raw[20 : 20 + int.from_bytes(raw[12:16], "little")] if raw[:4] == b"glTF" else raw)
-        needed = [name for name in tree.get("extensionsRequired", ()) if name in _PACKED]
-        moves = bool(tree.get("animations"))
-    except (ValueError, AttributeError, TypeError) as error:
+        used = {*tree.get("extensionsRequired", ()), *tree.get("extensionsUsed", ())}
+        lost = [f"extension {name}" for name in _PACKED if name in used]
+        lost += ["sparse accessors"] * any("sparse" in accessor for accessor in tree.get("accessors", ()))
+        modes = {each.get("mode", 4) for mesh in tree.get("meshes", ()) for each in mesh["primitives"]}
+        lost += ["triangle fans"] * (6 in modes)
+        moves, bones = bool(tree.get("animations")), bool(tree.get("skins"))
+    except (ValueError, AttributeError, TypeError, KeyError) as error:
         raise MeshError(f"mesh file {str(path)!r} cannot be read: no sound glTF ({error})") from error
-    if needed:
+    if lost:
         raise MeshError(
-            f"mesh file {str(path)!r} has compressed geometry ({', '.join(needed)}), which is not read: export it "
+            f"mesh file {str(path)!r} has geometry that is not read ({', '.join(lost)}): export it as plain triangles, "
             "without compression"
         )
-    if moves:
+    if moves or bones:
+        what = "animation is" if moves else "bones are"
         warnings.warn(
-            f"{path.name}: its animation is left out, the mesh keeps its pose; Actor.from_motion plays it", stacklevel=5
+            f"{path.name}: its {what} left out, the mesh keeps its pose at rest; Actor.from_motion plays animations",
+            stacklevel=5,
         )
