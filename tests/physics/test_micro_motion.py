@@ -6,8 +6,7 @@ import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import MeshActor
-from rfgen_sionna.scene import RigidMesh
+from rfgen_sionna.scene import MeshActor, RigidMesh
 from rfgen_sionna.simulation import Simulator
 
 DISTANCE, RADIUS = 2.0, 0.1
