@@ -140,17 +140,22 @@ def complete_stream(
     if searched and lacks and stream.size % size:
         packets = lacks // PACKET
         note = f"; as much as {packets} {'packet' if packets == 1 else 'packets'} of {PACKET:,} bytes of a DCA1000: "
-        breaks = find_breaks(stream, layout.loop_size, packets)
+        breaks = find_breaks(stream, layout.loop_size, layout.loops, packets)
         if breaks is None:
-            note += "successive loops differ as noise does and do not show where; frames after the gap are out of step"
+            note += (
+                "successive loops do not show where (noise, fast motion, or echoes alike after a shift); frames after "
+                "the gap are out of step"
+            )
         elif not breaks:
             note += (
-                "successive loops show no break: the end of the recording is missing, or the start, and then frames "
-                "are out of step"
+                "successive loops show no break: the end of the recording is missing, or else packets at its start or "
+                "between two frames, and frames are out of step"
             )
         else:
             for position, count in breaks:
                 filled = filled.with_gap(position, count * PACKET)
+            if others := packets - sum(count for _, count in breaks):
+                note += f"{others} show no break, others are, "
             note += (
                 f"by the continuity of loops, an estimate, at {_places(breaks, layout, known.radar)}; zeros stand in "
                 "for them in a read with partial=True"

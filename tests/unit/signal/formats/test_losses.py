@@ -135,7 +135,7 @@ def without(content: bytearray, *packets: int) -> bytes:
     return b"".join(piece for number, piece in enumerate(kept) if number not in packets)
 
 
-@pytest.mark.parametrize("lost", [(5,), (3,), (100, 101, 102), (2, 3, 4, 5, 6, 150), (66, 67, 68), (8, 201)])
+@pytest.mark.parametrize("lost", [(5,), (3,), (100, 101, 102), (2, 3, 4, 5, 6, 150), (66, 67, 68), (8, 190)])
 def test_packets_that_were_left_out_are_told_with_their_place(
     tmp_path: Path, radar: Radar, content: bytearray, lost: tuple[int, ...]
 ) -> None:
@@ -171,9 +171,7 @@ def test_an_end_that_is_missing_is_no_lost_packet(tmp_path: Path, radar: Radar, 
 def test_noise_does_not_show_where_packets_are_missing(tmp_path: Path, radar: Radar, words: np.ndarray) -> None:
     noise = np.random.default_rng(2).normal(0, 100, words.shape).astype("<i2")
     (tmp_path / "adc_data.bin").write_bytes(without(bytearray(noise.tobytes()), 40))
-    with pytest.raises(
-        CaptureFormatError, match=r"as much as 1 packet .* do not show where; frames after the gap are out"
-    ):
+    with pytest.raises(CaptureFormatError, match=r"as much as 1 packet .* do not show where"):
         open_capture(tmp_path, radar=radar)
 
 
