@@ -12,33 +12,26 @@ from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.clip_error import ClipError
+from rfgen_sionna.generative.motion.joint_layouts import split_name
 from rfgen_sionna.generative.motion.joint_recording import complete
 from rfgen_sionna.generative.motion.skeleton import JOINT
 from rfgen_sionna.scene.mesh_files import to_z_up
 
 _LOG = logging.getLogger(__name__)
-_NAMES: tuple[tuple[str, str], ...] = (
-    ("hip", r"(?:thigh|upleg|upperleg|hipjoint|hip)$"),
-    ("knee", r"(?:shin|calf|leg|lowleg|lowerleg|knee)$"),
-    ("ankle", r"(?:foot|ankle)$"),
-    ("foot", r"(?:toe|toe0|toebase|toes|ball|toeend)$"),
-    ("collar", r"(?:collar|clavicle|shoulder)$"),
-    ("shoulder", r"(?:arm|upperarm|uparm|shldr)$"),
-    ("elbow", r"(?:forearm|lowarm|lowerarm|elbow)$"),
-    ("wrist", r"(?:hand|wrist)$"),
-)
-"""Joint of a limb -> regular expression of other programs' names without side."""
-_TRUNK = {
-    "pelvis": r"(?:hips?|pelvis|root)$",
-    "spine1": r"(?:lowerback|spine|spine0|abdomen|torso)$",
-    "spine3": r"(?:chest|spine2|spine1|upperchest|spine3)$",
-    "neck": r"(?:neck|neck1)$",
-    "head": r"(?:head)$",
+_LIMBS = {
+    "hip": "thigh thighbend upleg upperleg hipjoint hip",
+    "knee": "shin calf leg lowleg lowerleg knee",
+    "ankle": "foot ankle",
+    "foot": "toe toe0 toe1 toebase toes ball toeend",
+    "collar": "collar clavicle shoulder",
+    "shoulder": "arm upperarm uparm uarm shldr shldrbend",
+    "elbow": "forearm forearmbend lowarm lowerarm farm elbow",
+    "wrist": "hand wrist",
 }
-_PREFIX = re.compile(r"^(?:bip\d*|mixamorig\d*|bone)[ _.-]+")
-"""Prefixes of all names, by program."""
-_SUFFIX = re.compile(r"^(.*\D)[ _.-](l|r|left|right)$")
-"""Side after the name, as in Unreal and Blender."""
+"""Joint of a limb -> names of other programs without side."""
+_TRUNK = {"pelvis": "hips hip pelvis root spinebase hipcenter", "neck": "neck neck1 shouldercenter", "head": "head"}
+_WORDS = {word: joint for joint, words in _LIMBS.items() for word in words.split()}
+_TRUNK_WORDS = {word: joint for joint, words in _TRUNK.items() for word in words.split()}
 _UNITS = {1.0: "metres", 0.1: "decimetres", 0.0254: "inches", 0.01: "centimetres", 0.001: "millimetres"}
 """Units of length of other programs [m]."""
 _UPRIGHT = 0.7
@@ -53,7 +46,9 @@ class _Node:
     channels: list[str] = field(default_factory=list)
 
 
-def bvh_positions(path: Path, *, unit: float | None = None, up: str | None = None) -> tuple[FloatArray, float]:
+def bvh_positions(
+    path: Path, *, unit: float | None = None, up: str | None = None, index: int = 0
+) -> tuple[FloatArray, float]:
     """Joint positions of a person in a BVH file, independent of the file's rest pose.
 
     Args:
@@ -61,6 +56,7 @@ def bvh_positions(path: Path, *, unit: float | None = None, up: str | None = Non
         unit: the file's unit of length [m]; None takes the one among m, dm, inch, cm and mm that gives human legs.
         up: up axis of the file's world, "y", "z", "-y", ...; None takes the axis along which the head is over the hips
             at rest.
+        index: number of the person in a file with several roots.
 
     Returns:
         (frame, 22, 3) positions of the body's joints [m], z up, and the frame rate [Hz].
@@ -72,7 +68,13 @@ def bvh_positions(path: Path, *, unit: float | None = None, up: str | None = Non
     if not path.is_file():
         raise FileNotFoundError(f"no motion file {path}")
     nodes, frames, rate = _parse(path.name, path.read_text(encoding="utf-8", errors="replace"))
-    places, found = _positions(nodes, frames), _found(path.name, nodes)
+    places, people = _positions(nodes, frames), _people(path.name, nodes)
+    if not 0 <= index < len(people):
+        holds = f"holds {len(people)} people, from 0" if len(people) > 1 else "holds one motion, 0"
+        raise ClipError(f"{path.name}: index {index}; it {holds}")
+    if len(people) > 1:
+        _LOG.warning("%s: %d people; index=%d of 0 to %d is taken", path.name, len(people), index, len(people) - 1)
+    found = people[index]
     try:
         turn = to_z_up(up or _upright(path.name, nodes, places, found), front=True)
     except ValueError as error:
@@ -171,47 +173,68 @@ def _positions(nodes: list[_Node], frames: FloatArray) -> FloatArray:
     return places
 
 
-def _side(word: str) -> str:
-    if re.match(r"(?:left|l(?!ow|eg))", word):
-        return "left"
-    return "right" if re.match(r"(?:right|r(?!oot))", word) else ""
+def _bare_names(nodes: list[_Node]) -> list[str]:
+    """Names without what all of them begin with: namespaces, figures, "Bip01", "mixamorig", "Character1"."""
+    names = [re.split(r"[:|]", node.name)[-1] for node in nodes]
+    while len(names) > 2:
+        heads = [re.split(r"[ _.-]+", name, maxsplit=1) for name in names]
+        first = max({head[0].lower() for head in heads}, key=[head[0].lower() for head in heads].count)
+        shared = [head[0].lower() == first for head in heads]
+        if not first or sum(shared) < 0.8 * len(names):
+            break
+        names = [head[-1] if len(head) > 1 and same else "" if same else name
+                 for head, same, name in zip(heads, shared, names, strict=True)]  # fmt: skip
+    # Motive's "LUArm" and "LFArm"
+    return [re.sub(r"^([LR])([UF]Arm)$", r"\1_\2", name) for name in names]
 
 
-def _found(name: str, nodes: list[_Node]) -> dict[str, int]:
-    """Joint of the package -> node of the file.
+def _people(name: str, nodes: list[_Node]) -> list[dict[str, int]]:
+    """Joints of each person in a file, of one root each.
+
+    Raises:
+        ClipError: no root has a body.
+    """
+    roots = [k for k, node in enumerate(nodes) if node.parent < 0]
+    owner = list(range(len(nodes)))
+    for k, node in enumerate(nodes):
+        owner[k] = k if node.parent < 0 else owner[node.parent]
+    people, errors = [], []
+    for root in roots:
+        try:
+            people.append(_found(name, nodes, [k for k in range(len(nodes)) if owner[k] == root]))
+        except ClipError as error:
+            errors.append(error)
+    if not people:
+        raise errors[0]
+    return people
+
+
+def _found(name: str, nodes: list[_Node], part: list[int]) -> dict[str, int]:
+    """Joint of the package -> node of the file, among the nodes `part`.
 
     Raises:
         ClipError: a needed joint is not recognised.
     """
-    words = [_SUFFIX.sub(r"\2\1", _PREFIX.sub("", n.name.split(":")[-1].lower())) for n in nodes]
-    plain = [re.sub(r"[^a-z0-9]", "", word) for word in words]
-    limbs = [
-        (k, side, re.sub(r"^(?:left|right|l|r)", "", word))
-        for k, word in enumerate(plain)
-        if (side := _side(word)) and not nodes[k].name.endswith("_end")
-    ]
-    exact = {(side, bare) for _, side, bare in limbs}
+    part = [k for k in part if not nodes[k].name.endswith("_end")]
+    split = [split_name(bare) for bare in _bare_names([nodes[k] for k in part])]
+    exact = set(split)
     found: dict[str, int] = {}
-    for k, side, bare in limbs:
+    for k, (side, bare) in zip(part, split, strict=True):
+        if not side:
+            joint = _TRUNK_WORDS.get(bare, "")
+            if joint:
+                found.setdefault(joint, k)
+            continue
+        joint = _WORDS.get(bare, "")
         if bare == "hand" and (side, "wrist") in exact:
             continue  # SMPL's names: wrist and hand, ankle and foot
         if bare == "foot" and (side, "ankle") in exact:
-            found[f"{side}_foot"] = k
-            continue
-        for ours, pattern in _NAMES:
-            if re.match(pattern, bare):
-                # of "LeftHip" and "LeftUpLeg", or of two collars, the later one is the joint
-                found[f"{side}_{ours}"] = k
-                break
-    for k, word in enumerate(plain):
-        if _side(word) or nodes[k].name.endswith("_end"):
-            continue
-        for ours, pattern in _TRUNK.items():
-            if re.match(pattern, word) and (ours == "spine3" or ours not in found):
-                found[ours] = k
-                break
-    if "pelvis" not in found and nodes[0].channels:
-        found["pelvis"] = 0  # 3ds Max calls its root by the figure's name
+            joint = "foot"
+        if joint:
+            # of "LeftHip" and "LeftUpLeg", or of two collars, the later one is the joint
+            found[f"{side}_{joint}"] = k
+    if "pelvis" not in found and nodes[part[0]].channels:
+        found["pelvis"] = part[0]  # 3ds Max calls its root by the figure's name
     for side in ("left", "right"):
         # "shoulder" is the collar only where there is an upper arm
         if f"{side}_shoulder" not in found and f"{side}_collar" in found:
@@ -221,7 +244,9 @@ def _found(name: str, nodes: list[_Node]) -> dict[str, int]:
     missing = [j for j in needed if j not in found]
     if missing:
         raise ClipError(
-            f"{name}: no joint is recognised as {', '.join(missing)}; its joints are {', '.join(n.name for n in nodes)}"
+            f"{name}: no joint is recognised as {', '.join(missing)}; its joints are "
+            f"{', '.join(nodes[k].name for k in part)}. Rename them as in CMU's files (LeftUpLeg, LeftLeg, LeftFoot, "
+            "LeftArm, LeftForeArm, LeftHand)"
         )
     return found
 

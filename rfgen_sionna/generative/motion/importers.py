@@ -60,9 +60,7 @@ def load_any_motion(
     if kind == ".npy":
         return _load_npy(path, up, frame_rate, int(index), action)
     if kind == ".bvh":
-        if index:
-            raise ClipError(f"{path.name}: index {index!r}; it holds one motion, 0")
-        places, rate = bvh_positions(path, up=up)
+        places, rate = bvh_positions(path, up=up, index=int(index))
         return from_start(motion_of_positions(places, chosen_rate(path.name, rate, frame_rate), action=action))
     if kind == ".csv":
         raise ClipError(f"{path.name}: joint positions go to Actor.from_joints, which keeps place and bone lengths")

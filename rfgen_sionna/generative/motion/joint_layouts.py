@@ -102,7 +102,7 @@ def package_joints(names: Sequence[str]) -> dict[str, int]:
     Raises:
         ClipError: hips, knees, ankles, shoulders, elbows or wrists are missing, or a name comes twice.
     """
-    split = [_split(str(name)) for name in names]
+    split = [split_name(str(name)) for name in names]
     found: dict[str, int] = {}
     of_limbs = {(side, bare) for side, bare in split if side}
     for k, (side, bare) in enumerate(split):
@@ -128,10 +128,12 @@ def package_joints(names: Sequence[str]) -> dict[str, int]:
     return found
 
 
-def _split(name: str) -> tuple[str, str]:
-    """Side ("left", "right" or "") and bare name of a joint."""
+def split_name(name: str) -> tuple[str, str]:
+    """Side ("left", "right" or "") and bare name, in small letters, of a joint such as LeftUpLeg, thigh.L, r_knee."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name.split(":")[-1]).lower()
     parts = [part for part in re.split(r"[^a-z0-9]+", words) if part]
+    if len(parts) > 1 and parts[0] == "c":
+        return "", "".join(parts[1:])  # "C_Hips" of VRM
     for part in (*parts[:1], *parts[-1:]):
         side = {"left": "left", "l": "left", "right": "right", "r": "right"}.get(part)
         if side:

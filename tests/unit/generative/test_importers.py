@@ -194,6 +194,49 @@ STYLES = {
 }
 
 
+STYLES |= {
+    "kinect": {
+        **{f"{s}_{ours}": f"{theirs}{s.title()}" for s in ("left", "right") for ours, theirs in (
+            ("hip", "Hip"), ("knee", "Knee"), ("ankle", "Ankle"), ("foot", "Foot"), ("collar", "Clavicle"),
+            ("shoulder", "Shoulder"), ("elbow", "Elbow"), ("wrist", "Wrist"))},
+        "pelvis": "SpineBase", "spine3": "SpineMid", "neck": "SpineShoulder", "head": "Head",
+    },
+    "optitrack": {
+        **_styled("Thigh Shin Foot Toe Shoulder UArm FArm Hand", "Skeleton1_{side}{joint}"),
+        "pelvis": "Skeleton1_Hip", "spine1": "Skeleton1_Ab", "spine2": "Skeleton1_Ab2", "spine3": "Skeleton1_Chest",
+        "neck": "Skeleton1_Neck", "head": "Skeleton1_Head",
+    },
+    "rokoko": {
+        **{f"{s}_{ours}": f"{s.title()}{theirs}" for s in ("left", "right") for ours, theirs in (
+            ("hip", "Thigh"), ("knee", "Shin"), ("ankle", "Foot"), ("foot", "Toe"), ("collar", "Shoulder"),
+            ("shoulder", "Arm"), ("elbow", "ForeArm"), ("wrist", "Hand"))},
+        "pelvis": "Hips", "spine1": "Spine", "spine2": "Spine2", "spine3": "Spine3", "neck": "Neck", "head": "Head",
+    },
+    "xsens": {
+        **{f"{s}_{ours}": f"{s.title()}{theirs}" for s in ("left", "right") for ours, theirs in (
+            ("hip", "Hip"), ("knee", "Knee"), ("ankle", "Ankle"), ("foot", "Toe"), ("collar", "Collar"),
+            ("shoulder", "Shoulder"), ("elbow", "Elbow"), ("wrist", "Wrist"))},
+        "pelvis": "Hips", "spine1": "Chest", "spine2": "Chest2", "spine3": "Chest4", "neck": "Neck", "head": "Head",
+    },
+    "xsens segments": {
+        **{f"{s}_{ours}": f"{s.title()}{theirs}" for s in ("left", "right") for ours, theirs in (
+            ("hip", "UpperLeg"), ("knee", "LowerLeg"), ("ankle", "Foot"), ("foot", "Toe"), ("collar", "Shoulder"),
+            ("shoulder", "UpperArm"), ("elbow", "ForeArm"), ("wrist", "Hand"))},
+        "pelvis": "Pelvis", "spine1": "L5", "spine2": "L3", "spine3": "T8", "neck": "Neck", "head": "Head",
+    },
+    "motion builder": {ours: f"Character1_{theirs}" for ours, theirs in _CMU.items()},
+    "biped with underscores": {
+        ours: theirs.replace(" ", "_").replace("Bip01", "Bip001") for ours, theirs in STYLES["3ds max"].items()
+    },
+    "vrm": {
+        **_styled("UpperLeg LowerLeg Foot ToeBase Shoulder UpperArm LowerArm Hand", "J_Bip_{side}_{joint}"),
+        "pelvis": "J_Bip_C_Hips", "spine1": "J_Bip_C_Spine", "spine2": "J_Bip_C_Chest",
+        "spine3": "J_Bip_C_UpperChest", "neck": "J_Bip_C_Neck", "head": "J_Bip_C_Head",
+    },
+    "namespace": {ours: f"Jane:Reference|{theirs}" for ours, theirs in _CMU.items()},
+}  # fmt: skip
+
+
 @pytest.mark.parametrize("style", STYLES)
 def test_a_bvh_file_gives_the_limbs_back(tmp_path: Path, style: str) -> None:
     path = tmp_path / "pick.bvh"
@@ -245,6 +288,22 @@ def test_a_bvh_file_whose_hips_are_no_root_travels(tmp_path: Path) -> None:
     own, other = (joints(load_any_motion(tmp_path / name)) for name in ("own.bvh", "nested.bvh"))
     np.testing.assert_allclose(other, own, atol=1e-9)
     assert np.ptp(other[:, 0, 0]) > 0.5
+
+
+def test_a_bvh_file_with_two_people_gives_the_one_that_is_asked_for(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (one, rows), (other, more) = (bvh(m, _CMU).split("MOTION") for m in (WALK, PICK))
+    header = "\n".join(rows.splitlines()[:3])
+    both = "\n".join(f"{a} {b}" for a, b in zip(rows.splitlines()[3:], more.splitlines()[3:], strict=True))
+    path = tmp_path / "two.bvh"
+    path.write_text(one + other.removeprefix("HIERARCHY\n") + "MOTION" + header + "\n" + both, encoding="utf-8")
+    (tmp_path / "pick.bvh").write_text(bvh(PICK, _CMU), encoding="utf-8")
+    second = load_any_motion(path, index=1)
+    np.testing.assert_allclose(joints(second), joints(load_any_motion(tmp_path / "pick.bvh")), atol=1e-9)
+    assert "2 people; index=1 of 0 to 1 is taken" in caplog.text
+    with pytest.raises(ClipError, match="index 2; it holds 2 people"):
+        load_any_motion(path, index=2)
 
 
 def test_a_clip_that_never_stands_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
