@@ -69,7 +69,7 @@ def check_places(
             later, nearest = (float(t), points), min(nearest, near)
             _check_passage(radar, surface_of(actor), earlier, later)
             earlier = later
-        if nearest > radar.max_range:
+        if nearest > radar.max_range and stop > start:
             warnings.warn(
                 f"actor '{actor.name}' stays beyond the range window, which ends at {radar.max_range:.2f} m: it comes "
                 f"no nearer than {nearest:.2f} m from {start:.3f} to {stop:.3f} s and returns nothing",
@@ -132,8 +132,8 @@ def _within_window(
         units = f"; it is {extent:.4g} m long: {units_hint(extent)}" if extent > LARGE_MESH else ""
         raise ValueError(
             f"actor '{actor.name}' reaches {reach:.2f} m from the radar at t = {t:.3f} s; the ADC's range window "
-            f"ends at {radar.max_range:.2f} m: move it closer, or take a preset with a lower slope or a "
-            f'higher sample rate; with outside="ignore" it returns nothing from beyond{units}'
+            f'ends at {radar.max_range:.2f} m: move it closer, leave out returns from beyond it (outside="ignore"), or '
+            f"take a preset with a lower slope or a higher sample rate{units}"
         )
     return points, float(away.min())
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import face_normals, lengths
-from rfgen_sionna.tracing.moving.knots import max_phase_step
+from rfgen_sionna.tracing.moving.knots import FIRST_COUNT, max_phase_step
 from rfgen_sionna.tracing.moving.sample_times import choose_sample_times
 
 FAST_SPACING = 2.5e-3
@@ -69,7 +69,7 @@ def choose_facet_limits(
     tolerance: float,
 ) -> FastTurn | None:
     """Limits of the facets for the least facets times sample times; None where no face turns fast, or facets without
-    limits take no more sample times.
+    limits take less than twice the sample times.
 
     Parameters
     ----------
@@ -96,16 +96,19 @@ def choose_facet_limits(
         for points, own in zip(first, faces, strict=True)
     ]
     best, found = np.inf, None
+    # As in a short frame of a person, which has three gaps in any case.
+    most_gaps = 0.5 * length / spacing if spacing > 0 else np.inf
     for halvings in range(_MAX_HALVINGS):
         step = TURN_STEP * np.sqrt(tolerance) / fastest / 2**halvings
-        if step < spacing:
+        gaps = max(length / step, FIRST_COUNT - 1.0)
+        if gaps > most_gaps:
             break
         tried = [phase / (wavenumber * np.maximum(rate, 1e-6) * step) for rate in rates]
         count = sum(
             float(np.where(edge > most, np.maximum(_FACETS_PER_AREA * size / most**2, 2 * edge / most), 1.0).sum())
             for size, edge, most in zip(area, longest, tried, strict=True)
         )
-        cost = length / step * (count + _SAMPLE_COST)
+        cost = gaps * (count + _SAMPLE_COST)
         if cost < best:
             best, found = cost, FastTurn(tried, step, int(count))
     return found
