@@ -39,6 +39,10 @@ class BoardFrames:
     devices: int = 1
     """Devices of 4 receivers at most, 4 in a cascade."""
 
+    def __post_init__(self) -> None:
+        if not self.receivers:
+            raise RadarConfigError("no receiver is enabled (rxChannelEn is 0); at least one is needed")
+
     @property
     def transmitters(self) -> tuple[int, ...]:
         """Numbers of the Tx elements that fire in any preset."""

@@ -287,6 +287,7 @@ def test_power_and_phases_of_the_profile(load: Load) -> None:
         ("adcCfg 2 1", "adcCfg 2 1\ncontModeCfg 77 0 0 5000 0 0 30 0 0", "contModeCfg (line 3) is a continuous wave"),
         (PLAIN, "chirpComnCfg 20 0 0 128 4 58 0\nframeCfg 2 0 200 64 250 0\n", "(line 1) is of TI's low-power"),
         ("channelCfg 15 7", "channelCfg 15 3", "(line 5): txEnable 4; at least one of the Tx in txChannelEn 3"),
+        ("channelCfg 15 7", "channelCfg 0 7", "rxChannelEn is 0"),
         ("chirpCfg 1 1 0", "chirpCfg 1 1 2", "chirpCfg (line 5) takes profile 2; there is no such profileCfg"),
         ("chirpCfg 1 1 0", "chirpCfg 0 1 0", "chirpCfg (line 5): another chirpCfg has chirp 0 too"),
         ("adcCfg 2 1", "adcCfg 2 1\nadcCfg 2 0", "adcCfg (line 2) and adcCfg (line 3) contradict each other"),
