@@ -51,7 +51,7 @@ def short_value(value: Any) -> str:
     if isinstance(value, (tuple, list, Mapping, set, frozenset)):
         text = repr(value) if len(value) <= 8 else ""
         return text if 0 < len(text) <= _MAX_VALUE else f"{len(value)} entries"
-    text = repr(value)
+    text = f"{value:.6g}" if isinstance(value, float) else repr(value)
     return text if len(text) <= _MAX_VALUE else f"{text[: _MAX_VALUE - 1]}…"
 
 

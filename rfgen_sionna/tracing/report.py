@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from rfgen_sionna.tracing.static.actor_shadows import Shadow
 
 
-@dataclass(frozen=True)
-class TraceReport:
+@dataclass(frozen=True, repr=False)
+class TraceReport(ShortRepr):
     """Cost and estimated errors of a trace."""
 
     facets: int

@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 import rfgen_sionna as rfgen
 from rfgen_sionna import cli, pipeline
+from rfgen_sionna.generative.motion.kinematic import KinematicSource
 from rfgen_sionna.radar import Adc
 from rfgen_sionna.signal import DcOffset, Receiver, receiver_from_record
 
@@ -509,3 +511,57 @@ def test_a_person_behind_the_wall_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"distance is 8 m: the surfaces of scene 'living_room' hide the person"):
         rfgen.generate("a person pushing, 8 m away", environment="living_room", output=tmp_path / "run.h5")
     assert not list(tmp_path.iterdir())
+
+
+def test_actors_beside_a_person_and_alone(quick: dict[str, Any], folder: Path) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.1)
+    drone = rfgen.Actor.from_mesh(ball, material="metal", name="drone", position=(3, 1, 1), velocity=(0, 0.5, 0))
+    with rfgen.generate("a person pushing, 1.5 m away", actors=[drone], output="both.h5", **quick) as run:
+        assert list(run.actors) == ["person", "drone"]
+        assert run.labels["action"].values.tolist() == [["push", ""]] * 2
+        np.testing.assert_allclose(run.labels["velocity"].values[:, 1], [[0, 0.5, 0]] * 2, atol=1e-9)
+        assert re.search(r"^  actor +drone: metal +from the argument actors$", run.report, re.MULTILINE)
+    with rfgen.generate(actors=drone, **quick | {"motion": "auto"}) as run:
+        assert (run.path.name, list(run.actors), run.prompt) == ("run.h5", ["drone"], "")
+        assert run.seeds == {"body": None, "motion": None, "surroundings": None, "speckle": 0, "noise": 0}
+        assert run.has_pir
+        radar = rfgen.Radar.load(quick["radar"], position=(0, 0, 1), look_at=(3, 0, 1))
+        np.testing.assert_array_equal(run.adc[:], rfgen.Simulator(None, radar, [drone], rtol=0.03).adc(0.1).data)
+    assert sorted(path.name for path in folder.iterdir()) == ["both.h5", "run.h5"]
+
+
+def test_a_clip_in_the_place_of_the_action(quick: dict[str, Any], caplog: pytest.LogCaptureFixture) -> None:
+    """The run is as long as the clip; its action is not the prompt's."""
+    motion = KinematicSource()("jump", 0.12, 0)
+    options = {name: value for name, value in quick.items() if name not in ("duration", "motion")}
+    with rfgen.generate("a tall man walks, 2 m away", motion=replace(motion, action="hop"), **options) as run:
+        assert (run.path.name, len(run)) == ("hop.h5", 2)
+        assert set(run.labels["action"].values.ravel()) == {"clip: hop"}
+        assert run.seeds["motion"] is None
+        assert run.labels["distance"].values[0, 0] == pytest.approx(2.0, abs=0.2)
+        assert re.search(r"^  motion +hop +from the argument motion$", run.report, re.MULTILINE)
+    assert "'walks' has no effect: motion is the clip 'hop'" in caplog.text
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize(
+    ("changes", "error", "said"),
+    [
+        ({"actors": ["ball"]}, TypeError, r"actors is \['ball'\]: a list of actors is needed"),
+        ({"motion": "clip.npz"}, FileNotFoundError, "there is no file or folder 'clip.npz'"),
+        ({"motion": "difusion"}, ValueError, "motion: 'difusion'; allowed are .*, or the path of a clip"),
+        ({"up": "y"}, ValueError, "up is 'y', which belongs to a clip in a file, but motion is 'kinematic'"),
+    ],
+)
+def test_actors_and_clips_that_cannot_be(quick: dict[str, Any], changes: Any, error: Any, said: str) -> None:
+    with pytest.raises(error, match=said):
+        rfgen.generate(PROMPT, **quick | changes)
+
+
+@pytest.mark.usefixtures("no_work")
+def test_what_belongs_to_a_prompt_needs_one(quick: dict[str, Any]) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.1)
+    actor = rfgen.Actor.from_mesh(ball, material="metal", position=(3, 0, 1))
+    for name, value in (("distance", 2.0), ("negative", "left arm"), ("motion", "kinematic")):
+        with pytest.raises(ValueError, match=rf"{name} is {value!r}, which belongs to a prompt, but only actors"):
+            rfgen.generate(actors=[actor], **quick | {"motion": "auto", name: value})
