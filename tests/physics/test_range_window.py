@@ -60,7 +60,7 @@ def test_a_ball_that_flies_through():
 
 def test_the_refusal_names_the_cure_and_silence_warns():
     away = car(lambda t: (50.0, 0, 0.7))
-    with pytest.raises(ValueError, match=r'reaches .* m from the radar .* outside="ignore"'):
+    with pytest.raises(ValueError, match=r'reaches .* m from the radar .*outside="ignore"'):
         rfgen.Simulator(None, radar(), [away]).adc(0.1)
     with pytest.raises(ValueError, match="outside is 'drop': allowed are 'error', 'ignore'"):
         rfgen.Simulator(None, radar(), [away], outside="drop")
