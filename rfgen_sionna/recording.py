@@ -192,7 +192,7 @@ def run_info(
     """
     radar, actors, scene = simulation.radar, simulation.actors, simulation.scene
     radar.to_dict()
-    said = [actor for actor in actors if getattr(actor, "prompt", None) is not None]
+    said: list[Any] = [actor for actor in actors if getattr(actor, "prompt", None) is not None]
     known: dict[str, Any] = {
         "prompt": "; ".join(actor.prompt.text for actor in said),
         "report": "\n\n".join(actor.report() for actor in said),

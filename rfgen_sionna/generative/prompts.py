@@ -214,10 +214,9 @@ def parse_prompt(
     # a source that reads the sentence reads its hands, too
     by_source = reading is not None and bool(reading.sentence)
     by_clip = action.startswith(CLIP)
-    hand, origins["hand"], unused = (None, DEFAULT, ())
-    if by_clip:
-        unused = tuple(words for words, _ in said.hands)
-    elif not by_source:
+    if by_source or by_clip:
+        hand, origins["hand"], unused = None, DEFAULT, tuple(words for words, _ in said.hands if by_clip)
+    else:
         hand, origins["hand"], unused = _hand(said, denied, action, seed)
     periodic = by_source or (not by_clip and ACTIONS[action].periodic)
     orientation = _one("orientation", said.orientations, denied.orientations)
