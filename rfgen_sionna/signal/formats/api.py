@@ -107,7 +107,7 @@ def open_capture(
     if format is None or is_sidecar(target):
         target, format = recognise(target)
     capture: Capture = _module(format).read(target, known, partial=partial, **options)
-    _name_unused(capture)
+    _name_unused(capture, radar)
     return capture
 
 
@@ -147,8 +147,9 @@ def _module(format: str) -> ModuleType:
     return import_module(f"rfgen_sionna.signal.formats.{format}")
 
 
-def _name_unused(capture: Capture) -> None:
-    """Warn of configuration files beside the data that were not read and belong to no other data there."""
+def _name_unused(capture: Capture, radar: Radar | str | os.PathLike[str] | None) -> None:
+    """Warn of configuration files beside the data that were not read and belong to no other data there; a `.cfg` may
+    be that of a radar object."""
     folder = capture.paths[0].parent
     entries = [entry for entry in sorted(folder.iterdir()) if entry.is_file()]
     others = {entry.stem for entry in entries if entry.suffix.lower() in DATA_SUFFIXES} - {
@@ -157,8 +158,9 @@ def _name_unused(capture: Capture) -> None:
     unused = [
         entry.name
         for entry in entries
-        if entry.suffix.lower() in (".json", ".cfg")
+        if entry.suffix.lower() in ((".json",) if isinstance(radar, Radar) else (".json", ".cfg"))
         and entry not in capture.configs
+        and not (isinstance(radar, str | os.PathLike) and Path(radar).is_file() and entry.samefile(radar))
         and not is_sidecar(entry)
         and entry.name.split(".")[0].removesuffix("_config") not in others
     ]

@@ -53,6 +53,7 @@ from rfgen_sionna.signal.formats.mmwave_studio import read_studio
 from rfgen_sionna.signal.formats.mmwave_studio_chirps import CHECKED_FIELDS, FULL_SCALE, RX_PER_DEVICE
 from rfgen_sionna.signal.formats.mmwave_studio_export import studio_config
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, find_description, periodic_times, sidecar_of
+from rfgen_sionna.signal.formats.studio_files import CONFIG, folder_config
 
 NAME = "cascade"
 MAX_FILE_SIZE = 2047 << 20  # of the TDA2 host [bytes]
@@ -123,20 +124,21 @@ def _index(radar: Radar, times: FloatArray, group: range, frame_size: int) -> ND
 
 
 def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False) -> Capture:
-    """Open the capture in a folder; see `open_capture`. Without a sidecar, `radar` gives the hardware, and a single
-    `.mmwave.json` in the folder the waveform and the Tx elements that fire.
+    """Open the capture in a folder; see `open_capture`. Without a sidecar, `radar` gives the hardware, and the
+    `.mmwave.json` that `path`, the only `.setup.json` or the folder names the waveform and the Tx elements that fire.
 
     With `partial`, devices without a whole frame are left out, together with their receivers in the radar; the capture
     has the frames that all other devices hold. The indices of other devices replace a missing or damaged index; without
     any index, frames are contiguous.
     """
     folder = Path(path)
-    if DATA_NAME.fullmatch(folder.name):
+    if DATA_NAME.fullmatch(folder.name) or folder.suffix.lower() == ".json":
         folder = folder.parent
-    sidecar, configs = sidecar_of(folder / SIDECAR), sorted(folder.glob("*.mmwave.json"))
+    sidecar = sidecar_of(folder / SIDECAR)
+    configs = (Path(path),) if Path(path).name.endswith(CONFIG) else folder_config(folder)
 
     def same(found: Description) -> None:
-        if len(configs) == 1:
+        if configs:
             wanted = studio_config(found.radar, found.frames or 0, len(DEVICES))
             check_json(configs[0], wanted, CHECKED_FIELDS, sidecar, partial)
 
@@ -176,12 +178,11 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     times = _times([row[0] for row in places], numbers, taken) if known.frame_times is None else known.times(wanted)
     if known.frame_times is not None:
         times = times[numbers]
-    used = tuple(file for file in (*configs, sidecar) if file.is_file() and (file is sidecar or len(configs) == 1))
-    return Capture(NAME, files, taken, times, known.scale, known.seed, frame, used, "sample")
+    return Capture(NAME, files, taken, times, known.scale, known.seed, frame, (*configs, sidecar), "sample")
 
 
 def _configured(configs: Sequence[Path], hardware: Radar) -> Description:
-    if len(configs) != 1:
+    if not configs:
         return Description(hardware)
     # The index counts the frames: the host drops some.
     return replace(read_studio(configs[0], hardware, len(DEVICES)), frame_times=None)

@@ -144,6 +144,12 @@ def _configured(found: Radar, hardware: Radar | None) -> Radar:
         raise CaptureFormatError(
             f"rx_antennas of '{CONFIG}' has {absent[0]}; radar '{hardware.name}' has {', '.join(hardware.rx_names)}"
         )
+    if hardware.adc.real != found.adc.real or len(hardware.tx_names) != len(found.tx_names):
+        kind = "real" if hardware.adc.real else "complex"
+        raise CaptureFormatError(
+            f"'{CONFIG}' is that of a board with {len(found.tx_names)} Tx and real samples; radar '{hardware.name}' "
+            f"has {len(hardware.tx_names)} Tx and {kind} ones: leave `radar` out"
+        )
     kept = [hardware.rx_names.index(name) for name in found.rx_names]
     return with_receivers(replace(hardware, preset=found.preset, waveform=found.waveform, adc=found.adc), kept)
 

@@ -202,7 +202,11 @@ def _open_version_5(path: Path) -> tuple[str, Any]:
         raise _damaged(path, "5", error) from error
     for name in ("adc", "description"):
         if name not in content:
-            raise _damaged(path, "5", f"it lacks the variable '{name}'")
+            raise _damaged(
+                path,
+                "5",
+                f"it lacks the variable '{name}'; files of write_capture are read, other arrays belong into an AdcCube",
+            )
     return str(np.ravel(content["description"])[0]), np.asarray(content["adc"])
 
 

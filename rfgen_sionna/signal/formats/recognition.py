@@ -110,9 +110,10 @@ def _of_json(path: Path) -> tuple[Path, str]:
     record = read_json(path)
     if "mmWaveDevices" in record:
         devices = record["mmWaveDevices"]
-        return (path.parent, "cascade") if isinstance(devices, list) and len(devices) > 1 else (path, "dca1000")
+        return path, "cascade" if isinstance(devices, list) and len(devices) > 1 else "dca1000"
     if "capturedFiles" in record:
-        return path, "dca1000"
+        cascade = any(DATA_NAME.fullmatch(entry.name) for entry in path.parent.iterdir())
+        return path, "cascade" if cascade else "dca1000"
     if "device_config" in record:
         return path, "infineon"
     if path.name.endswith("_config.json") and (data := path.with_name(path.name[:-12] + ".npy")).is_file():

@@ -94,6 +94,16 @@ def find_files(path: Path) -> RecordedFiles:
     return RecordedFiles(data, _config_of(setup, path, sidecar_of(data[0]).is_file()), setup.path, setup.device)
 
 
+def folder_config(folder: Path) -> tuple[Path, ...]:
+    """Configuration of a folder with one recording, and the setup that names it: the `.mmwave.json` that the only
+    `.setup.json` names, else the only `.mmwave.json`; nothing where that is open."""
+    setups = [_read_setup(found) for found in sorted(folder.glob(f"*{SETUP}"))]
+    if len(setups) == 1 and (config := setups[0].find(setups[0].config)).is_file():
+        return config, setups[0].path
+    configs = sorted(folder.glob(f"*{CONFIG}"))
+    return tuple(configs) if len(configs) == 1 else ()
+
+
 def _read_setup(path: Path) -> _Setup:
     record = read_json(path)
     try:

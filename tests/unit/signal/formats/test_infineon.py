@@ -90,6 +90,12 @@ def test_other_arrays_are_refused(tmp_path: Path, stored: np.ndarray, message: s
         read_capture(folder, scale=1.0)
 
 
+def test_another_board_is_refused(tmp_path: Path) -> None:
+    folder = recorded(tmp_path / "a", words(3, 3, 8, 64))
+    with pytest.raises(CaptureFormatError, match=r"1 Tx and real samples; radar 'awr1843' has 3 Tx and complex ones"):
+        open_capture(folder, radar="awr1843")
+
+
 def test_without_a_configuration_a_radar_is_asked_for(tmp_path: Path) -> None:
     folder = recorded(tmp_path / "a", words(3, 3, 8, 64))
     (folder / "config.json").unlink()

@@ -14,7 +14,7 @@ import pytest
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube
 from rfgen_sionna.signal.formats import CaptureFormatError, CaptureWarning, open_capture, write_capture
-from tests.unit.signal.formats.captures import awr1843, lsb_cube
+from tests.unit.signal.formats.captures import awr1843, cascade, lsb_cube
 
 FRAMES = 12
 PRESET = Radar.load("awr1843", "mmmesh")
@@ -135,7 +135,7 @@ def test_a_json_that_is_not_used_is_named(tmp_path: Path, parts: Any) -> None:
         tmp_path / "s", {"a.bin": content, "a.mmwave.json": config, "notes.json": {"who": "me"}, "p.cfg": b"% x"}
     )
     with pytest.warns(CaptureWarning, match=r"notes\.json, p\.cfg are not used; the radar is that of a\.mmwave\.json"):
-        open_capture(folder, radar=PRESET)
+        open_capture(folder, radar="awr1843")
 
 
 def test_recordings_of_their_own_are_not_joined(tmp_path: Path, cube: AdcCube, parts: Any) -> None:
@@ -245,3 +245,31 @@ def test_a_radar_may_be_a_name_or_a_file(tmp_path: Path, parts: Any) -> None:
     wrong = replace(PRESET, rx_names=PRESET.rx_names[:2], rx_positions=PRESET.rx_positions[:2])
     with pytest.raises(CaptureFormatError, match="RX3 is enabled"):
         open_capture(folder, radar=wrong)
+
+
+def test_the_setup_of_a_cascade_names_its_configuration(tmp_path: Path) -> None:
+    cube = lsb_cube(cascade(), 2, 900)
+    write_capture(cube, tmp_path / "run", "cascade", scale=1.0)
+    folder = tmp_path / "run"
+    (folder / "capture.rfgen").unlink()
+    config = folder / "run.mmwave.json"
+    (folder / "old.mmwave.json").write_text(config.read_text().replace('"numLoops": 2', '"numLoops": 4'))
+    with pytest.warns(CaptureWarning, match=r"old\.mmwave\.json, run\.mmwave\.json are not used"):
+        open_capture(folder, radar=cascade())
+    setup = {"configUsed": "run.mmwave.json", "capturedFiles": {"files": []}}
+    (folder / "x.setup.json").write_text(json.dumps(setup))
+    with pytest.warns(CaptureWarning, match=r"'.*run': old\.mmwave\.json is not used"):
+        capture = open_capture(folder, radar="mmwcas")
+    assert {file.name for file in capture.configs if file.is_file()} == {"run.mmwave.json", "x.setup.json"}
+    for path in (folder / "x.setup.json", folder / "run.mmwave.json", folder / "slave2_0000_data.bin"):
+        with pytest.warns(CaptureWarning, match="not used"):
+            np.testing.assert_array_equal(open_capture(path, radar="mmwcas").cube().data, cube.data)
+
+
+def test_a_cfg_that_is_the_radar_is_used(tmp_path: Path, cube: AdcCube, parts: Any) -> None:
+    """Of TI's demo: `adc_data.bin` beside the `.cfg` that configured the board."""
+    content, _, _ = parts
+    folder = lay(tmp_path / "s", {"adc_data.bin": content})
+    (folder / "profile.cfg").write_text(cube.radar.to_cfg())
+    capture = open_capture(folder, radar=Radar.load(folder / "profile.cfg", board="awr1843"))
+    np.testing.assert_array_equal(capture.cube().data, cube.data)
