@@ -35,7 +35,8 @@ def fitted_body(rig: Rig, offsets: FloatArray) -> Rig:
     w = rig.weights.tocoo()
     # each bone carries the rest vertices by its own affine map, blended by the skinning weights
     carried = np.einsum("kij,kj->ki", maps[w.col, :, :3], rig.vertices[w.row]) + maps[w.col, :, 3]
-    vertices = np.stack([np.bincount(w.row, w.data * carried[:, k], len(rig.vertices)) for k in range(3)], axis=-1)
+    columns = [np.bincount(w.row, w.data * carried[:, k], len(rig.vertices)) for k in range(3)]
+    vertices = np.stack(columns, axis=-1).astype(np.float64)
     fitted = replace(
         rig, vertices=vertices, heads=heads, height=float(np.ptp(vertices[:, 2])),
         mass=body_mass(vertices, rig.faces), parameters=None,

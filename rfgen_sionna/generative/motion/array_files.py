@@ -46,6 +46,7 @@ class _JoblibArray:
 class _ArraysOnly(pickle._Unpickler):
     """Unpickler of plain containers and arrays, also in joblib's format; refuses everything executable."""
 
+    stack: list[Any]
     dispatch: ClassVar[dict[int, Any]] = dict(pickle._Unpickler.dispatch)
 
     def __init__(self, stream: io.BytesIO) -> None:
@@ -65,7 +66,8 @@ class _ArraysOnly(pickle._Unpickler):
         return super().find_class(module, name)
 
     def load_build(self) -> None:
-        pickle._Unpickler.dispatch[pickle.BUILD[0]](self)
+        build: Any = pickle._Unpickler.dispatch[pickle.BUILD[0]]
+        build(self)
         if isinstance(self.stack[-1], _JoblibArray):
             self.stack.append(self.stack.pop().read(self.stream))
 

@@ -119,13 +119,13 @@ def motion_of_positions(
         ):
             a, b, c = (JOINT[f"{side}_{name}"] for name in names)
             put(f"{side}_{names[0]}")
-            lengths = (float(np.linalg.norm(rest[b])), float(np.linalg.norm(rest[c])))
-            first = _along(p[:, b] - places[:, a], lengths[0], frame_rate)
-            second = _along(p[:, c] - places[:, a] - lengths[0] * first, lengths[1], frame_rate)
+            sizes = (float(np.linalg.norm(rest[b])), float(np.linalg.norm(rest[c])))
+            first = _along(p[:, b] - places[:, a], sizes[0], frame_rate)
+            second = _along(p[:, c] - places[:, a] - sizes[0] * first, sizes[1], frame_rate)
             if names[0] == "hip":
-                first, second = _reaching(places[:, a], p[:, c], (first, second), lengths)
-            places[:, b] = places[:, a] + lengths[0] * first
-            places[:, c] = places[:, b] + lengths[1] * second
+                first, second = _reaching(places[:, a], p[:, c], (first, second), sizes)
+            places[:, b] = places[:, a] + sizes[0] * first
+            places[:, c] = places[:, b] + sizes[1] * second
             world[:, a], world[:, b] = _limb(root, (rest[b], rest[c]), (first, second), bend, _TURNING * frame_rate)
         wrist, ankle, foot = (JOINT[f"{side}_{name}"] for name in ("wrist", "ankle", "foot"))
         world[:, wrist] = world[:, JOINT[f"{side}_elbow"]]

@@ -294,7 +294,7 @@ def complete(body: dict[str, FloatArray]) -> FloatArray:
     if "head" not in joints:
         ears = [joints[f"{side}_ear"] for side in SIDES if f"{side}_ear" in joints]
         above = joints["neck"] + 0.25 * (joints["neck"] - joints["spine3"])
-        joints["head"] = sum(ears) / len(ears) if len(ears) == 2 else above
+        joints["head"] = np.mean(ears, axis=0) if len(ears) == 2 else above
     across = normalised(joints["left_hip"] - joints["right_hip"])
     ahead = normalised(np.cross(across, [0.0, 0.0, 1.0]))
     for side in SIDES:

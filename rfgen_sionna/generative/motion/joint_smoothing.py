@@ -53,7 +53,7 @@ def smooth_paths(
     at = times[0] + np.arange(count) / rate
     out = np.empty((count, len(names), 3))
     for j, name in enumerate(names):
-        seen = np.isfinite(positions[:, j]).all(axis=-1)
+        seen = np.asarray(np.isfinite(positions[:, j]).all(axis=-1))
         check_gaps(times, seen, name, longest_gap)
         seen[seen] = ~_glitches(times[seen], positions[seen, j])
         t, y, w = times[seen], positions[seen, j], np.clip(weights[seen, j], _LEAST_WEIGHT, 1.0)
