@@ -29,6 +29,7 @@ MOST_TX = 4
 """Tx of a single device: the AWR2944 has four."""
 _FRAMES = ("legacyFrameChirp", "singleFrameChirp")
 _SUBFRAMES = "advancedFrameChirp"
+_CHANGING = ("rlLoopbackBursts", "rlDynChirpCfgs", "rlDynPerChirpPhShftCfgs")
 _LANES = {3: 2, 15: 4}
 
 
@@ -79,6 +80,7 @@ def read_studio_config(config: Mapping[str, Any]) -> StudioConfig:
             raise ValueError(
                 f"laneEn is {raw['rlDevLaneEnable_t']['laneEn']!r}; two lanes (0x3) or four (0xF) are supported"
             )
+    _check_fixed(records)
     profiles = _profiles(records)
     presets, num_frames, fired = _presets(records, profiles)
     receivers = tuple(
@@ -93,6 +95,16 @@ def read_studio_config(config: Mapping[str, Any]) -> StudioConfig:
     frames = BoardFrames(presets, receivers, output["b2AdcOutFmt"] == 0, 16, float(backoff), None, len(records))
     swap = bool(raw["rlDevDataFmtCfg_t"]["iqSwapSel"])
     return StudioConfig(frames, num_frames, swap, interleave == 0, lanes)
+
+
+def _check_fixed(records: Sequence[Mapping[str, Any]]) -> None:
+    """Refuse bursts and chirps that change while the radar runs."""
+    for name in _CHANGING:
+        for record in records:
+            for entry in record["rfConfig"].get(name, ()):
+                tables = [table for table in entry.values() if isinstance(table, Mapping)] or [entry]
+                if any(table.get("isConfigured", 1) for table in tables):
+                    raise ValueError(f"{name} is not empty; chirps that change while the radar runs are not supported")
 
 
 def _presets(

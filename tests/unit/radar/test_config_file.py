@@ -228,6 +228,16 @@ def test_variations_phases_and_power_of_mmwave_studio_count(tmp_path: Path) -> N
         assert radar.tx_power_dbm == 9.0
 
 
+def test_chirps_that_change_while_the_radar_runs_are_refused(tmp_path: Path) -> None:
+    config = studio()
+    rf(config)["rlDynChirpCfgs"] = [{"rlDynChirpCfg_t": {"isConfigured": 0}}]
+    path = written(tmp_path / "test.mmwave.json", config)
+    assert Radar.load(path, board="awr1843").waveform == Radar.load("awr1843").waveform
+    rf(config)["rlDynPerChirpPhShftCfgs"] = [{"rlDynPerChirpPhShftCfg_t": {"chirpSegSel": 0}}]
+    with pytest.raises(RadarConfigError, match="rlDynPerChirpPhShftCfgs is not empty"):
+        Radar.load(written(path, config), board="awr1843")
+
+
 def test_kinds_of_samples_and_lanes_of_mmwave_studio(tmp_path: Path) -> None:
     config = studio()
     rf(config)["rlAdcOutCfg_t"]["fmt"]["b2AdcOutFmt"] = 0
