@@ -115,7 +115,12 @@ def check_scene_file(path: str | os.PathLike[str]) -> None:
     if place.is_dir():
         raise SceneError(f"scene file {os.fspath(path)!r} is a folder: give the path of a file in it{_files_in(place)}")
     if not place.is_file():
-        raise SceneFileNotFoundError(f"scene file {os.fspath(path)!r} does not exist (in {str(Path.cwd())!r})")
+        raise SceneFileNotFoundError(f"scene file {os.fspath(path)!r} does not exist; {_allowed()}")
+
+
+def _allowed() -> str:
+    files = f"the path of a file ({', '.join(SCENE_SUFFIXES)})"
+    return f"allowed are {', '.join(sorted(available_scenes()))}, {files}, a sionna.rt.Scene or None"
 
 
 def _files_in(folder: Path) -> str:
@@ -141,16 +146,14 @@ def _find(scene: str | os.PathLike[str]) -> Path:
     names = available_scenes()
     if text in names:
         return names[text]
-    endings = ", ".join(SCENE_SUFFIXES)
-    allowed = f"allowed are {', '.join(sorted(names))}, the path of a file ({endings}), a sionna.rt.Scene or None"
     path = Path(text).expanduser()
     if path.exists() or is_path(scene):
         check_scene_file(path)
         if path.suffix.lower() not in SCENE_SUFFIXES:
             raise SceneError(
-                f"scene file {text!r}: files with the ending {path.suffix!r} are not read, allowed are {endings}; "
-                "export it as glTF (.glb) or OBJ, with a material for each part"
+                f"scene file {text!r}: files with the ending {path.suffix!r} are not read, allowed are "
+                f"{', '.join(SCENE_SUFFIXES)}; export it as glTF (.glb) or OBJ, with a material for each part"
             )
         return path.resolve()
     close = get_close_matches(text, names, n=1)
-    raise SceneError(f"unknown scene {text!r}{f', did you mean {close[0]!r}?' if close else ''}; {allowed}")
+    raise SceneError(f"unknown scene {text!r}{f', did you mean {close[0]!r}?' if close else ''}; {_allowed()}")

@@ -42,7 +42,7 @@ def label_parts(
         if not isinstance(given, str):
             raise TypeError(
                 f"{owner}: {argument}: {given!r} given, the name of a material, a Material or a mapping from names in "
-                "the file to materials is needed"
+                f"the file to materials is needed; {choices()}"
             )
         given = {}
     labels, materials, unknown, used = list[str](), dict[str, str | Material](), dict[str, str](), set[str]()

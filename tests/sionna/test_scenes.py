@@ -288,7 +288,10 @@ def test_files_that_are_no_scenes(tmp_path: Path):
     file.write_text(
         '<scene version="2.1.0"><shape type="ply"><string name="filename" value="none.ply"/></shape></scene>'
     )
-    with pytest.raises(SceneError, match=r"a.xml' cannot be loaded"):
+    with pytest.raises(SceneError, match=r"a\.xml': mesh files do not exist: .*none\.ply"):
+        load_scene(file)
+    file.write_text('<scene><shape type="cube"/></scene>')
+    with pytest.raises(SceneError, match=r"a\.xml' cannot be loaded: .*version"):
         _ = load_scene(file).objects
 
 
