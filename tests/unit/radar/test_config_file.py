@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import copy
 import json
-from inspect import signature
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from rfgen_sionna.options import check_options
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.board_frames import RadarConfigWarning
 from rfgen_sionna.radar.config import RadarConfigError
@@ -357,23 +355,3 @@ def test_text_in_utf_16(tmp_path: Path) -> None:
     path = tmp_path / "mine.cfg"
     path.write_text(Radar.load("awr1843").to_cfg(), encoding="utf-16")
     assert Radar.load(path, board="awr1843").waveform == Radar.load("awr1843").waveform
-
-
-def test_generation_takes_a_configuration_and_its_board(tmp_path: Path) -> None:
-    path = tmp_path / "mine.cfg"
-    path.write_text(Radar.load("iwr6843isk").to_cfg(), encoding="utf-8")
-    options: dict[str, Any] = dict.fromkeys(signature(check_options).parameters)
-    options |= {"radar": str(path), "duration": 1.0, "overwrite": False, "noise": True, "rtol": 0.01, "device": "cpu"}
-    options |= {
-        "projection": "perspective",
-        "max_bounces": 1,
-        "transmission": False,
-        "collisions": "error",
-        "workers": 1,
-    }
-    with pytest.raises(RadarConfigError, match=r"boards at .*: iwr6843aop, iwr6843isk, iwr6843isk_ods"):
-        check_options(**options)
-    radar = check_options(**options | {"board": "IWR6843ISK"})[0]
-    assert (radar.name, radar.preset, radar.position) == ("iwr6843isk", "frame", (0.0, 0.0, 1.0))
-    with pytest.raises(ValueError, match="board is 'awr1843' but a Radar is given"):
-        check_options(**options | {"radar": radar, "board": "awr1843"})
