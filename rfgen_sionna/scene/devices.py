@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -11,6 +12,7 @@ import numpy as np
 
 from rfgen_sionna.radar import NamedPattern, Radar, TablePattern
 from rfgen_sionna.scene.mitsuba_backend import ensure_backend
+from rfgen_sionna.scene.mitsuba_file import FARTHEST
 from rfgen_sionna.scene.scene import RadarScene
 
 if TYPE_CHECKING:
@@ -103,6 +105,14 @@ def add_radar(scene: RadarScene | Any, radar: Radar, name: str | None = None) ->
     from rfgen_sionna.scene.sionna_array import RadarArray, RadarReceiver, RadarTransmitter
 
     radar = tabulated(radar)
+    far = float(np.abs(radar.position).max())
+    if far > FARTHEST:
+        warnings.warn(
+            f"radar '{radar.name}' is {far:.10g} m from the origin, where the 32-bit floats of Sionna's solvers are "
+            f"{np.spacing(np.float32(far)):.2g} m apart: move scene and radar to the origin (a Simulator needs no such "
+            "move)",
+            stacklevel=2,
+        )
     name = radar.name if name is None else name
     known: dict[ArrayEnd, Any] = {"tx": inside.transmitters, "rx": inside.receivers}
     for end in known:

@@ -12,7 +12,7 @@ from trimesh.visual.material import PBRMaterial
 
 import rfgen_sionna as rfgen
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
-from rfgen_sionna.scene import MaterialError, MeshError, SceneError
+from rfgen_sionna.scene import MaterialError, MeshError, SceneError, add_radar
 from rfgen_sionna.scene.load import is_path
 
 FROM_BLENDER = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -247,3 +247,11 @@ def test_single_precision_far_away_is_refused_not_rounded(tmp_path: Path, suffix
         scene = rfgen.load_scene(write_xml(tmp_path / "w.xml", tmp_path / "wall.ply"))
         with pytest.raises(SceneError, match=r"object 'Wall': .* 32-bit floats, which are 0\.5 m apart"):
             _ = scene.objects
+
+
+def test_sionnas_own_solvers_far_from_the_origin_are_told(tmp_path: Path) -> None:
+    scene = rfgen.load_scene(wall_file(tmp_path, "obj", UTM))
+    x, y, z = (float(each) for each in UTM)
+    radar = rfgen.Radar.load("awr1843", position=(x, y, z + 1.0), look_at=(x + 3.0, y, z + 1.0))
+    with pytest.warns(UserWarning, match=r"5335012\.61 m from the origin, where .* 32-bit floats .* are 0\.5 m apart"):
+        add_radar(scene, radar)
