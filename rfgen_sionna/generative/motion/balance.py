@@ -30,10 +30,12 @@ _SEGMENTS: tuple[tuple[str, str, float, float], ...] = (
 
 
 def centre_of_mass(joints: FloatArray) -> FloatArray:
-    """(..., 3) centre of mass [m] of a body with joint positions (..., 52, 3) [m]."""
+    """(..., 3) centre of mass [m] of a body with joint positions (..., 52, 3) [m], or (..., 22, 3) without fingers, whose
+    hands count at the wrists."""
     total = np.zeros((*joints.shape[:-2], 3))
     for upper, lower, share, at in _SEGMENTS:
-        a, b = joints[..., JOINT[upper], :], joints[..., JOINT[lower], :]
+        a = joints[..., JOINT[upper], :]
+        b = joints[..., JOINT[lower], :] if JOINT[lower] < joints.shape[-2] else a
         total += share * (a + at * (b - a))
     return total / sum(share for _, _, share, _ in _SEGMENTS)
 

@@ -23,6 +23,16 @@ _LOG = logging.getLogger(__name__)
 _LEGS = (0.3, 1.15)
 """Hip to ankle of people from a toddler to the tallest [m]."""
 _UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "decimetres": 0.1}
+_PROPORTIONS = {
+    "thigh over shank": (0.55, 1.8),
+    "upper arm over forearm": (0.5, 2.0),
+    "left thigh over right": (0.6, 1.7),
+    "left shank over right": (0.6, 1.7),
+    "left arm over right": (0.6, 1.7),
+    "trunk over leg": (0.35, 1.5),
+    "arm over leg": (0.35, 1.5),
+}
+"""Bounds of the ratios of bones, from infants to the longest legs, with the errors of depth cameras."""
 _UPRIGHT = 0.7
 """Cosine of the angle to the vertical within which a body stands or sits."""
 _VARYING = 0.3
@@ -95,6 +105,8 @@ def record_joints(
             raise ClipError(f"{track.label}: {name} is missing in all frames, and no body goes without it")
     at = _times(track, frame_rate, times)
     check_size(track.label, places, kept, scale)
+    _check_proportions(track.label, places, kept)
+    _check_image(track, places, kept, scale)
     axis = up if up is not None else track.up
     places = places @ upright_rotation(track.label, places, kept, axis).T
     _check_handedness(track.label, places, kept)
@@ -204,8 +216,46 @@ def check_size(label: str, places: FloatArray, names: Sequence[str], scale: floa
         )
 
 
+def _check_proportions(label: str, places: FloatArray, names: Sequence[str]) -> None:
+    """Check that limbs and trunk have the proportions of a person: joints in another order have not."""
+
+    def length(a: str, b: str) -> float:
+        return float(np.nanmedian(_distance(places, names, a, b)))
+
+    sides = [
+        [length(f"{s}_{a}", f"{s}_{b}") for a, b in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"),
+                                                      ("elbow", "wrist"))]
+        for s in SIDES
+    ]  # fmt: skip
+    left, right = (np.maximum(side, 1e-6) for side in sides)
+    thigh, shank, upper, fore = left + right
+    trunk = 2.0 * float(np.nanmedian(np.linalg.norm(_middle(places, names, "shoulder") - _middle(places, names, "hip"),
+                                                    axis=-1)))  # fmt: skip
+    ratios = (
+        thigh / shank, upper / fore, left[0] / right[0], left[1] / right[1], left[2:].sum() / right[2:].sum(),
+        trunk / (thigh + shank), (upper + fore) / (thigh + shank),
+    )  # fmt: skip
+    for (name, (low, high)), ratio in zip(_PROPORTIONS.items(), ratios, strict=True):
+        if not low <= ratio <= high:
+            raise ClipError(
+                f"{label}: {name} is {ratio:.2f}, people have {low:g} to {high:g}: not the joints of one body in this "
+                "order; check layout, names, columns and index"
+            )
+
+
 def _distance(places: FloatArray, names: Sequence[str], a: str, b: str) -> FloatArray:
     return np.linalg.norm(places[:, names.index(a)] - places[:, names.index(b)], axis=-1)
+
+
+def _check_image(track: JointTrack, places: FloatArray, names: Sequence[str], scale: float) -> None:
+    """Check that joints of a detector's layout are no shares of an image's width and height."""
+    xy = track.positions[..., :2][np.isfinite(track.positions[..., :2])]
+    leg = float(np.nanmedian(_distance(places, names, "left_hip", "left_ankle")))
+    if "left_ear" in names and scale == 1.0 and xy.min() > -0.1 and 0.3 < xy.max() < 1.1 and leg < 0.65:
+        raise ClipError(
+            f"{track.label}: x and y from {xy.min():.2f} to {xy.max():.2f}: shares of an image "
+            "(MediaPipe's pose_landmarks); positions in space are needed, such as its pose_world_landmarks"
+        )
 
 
 def _middle(places: FloatArray, names: Sequence[str], joint: str) -> FloatArray:

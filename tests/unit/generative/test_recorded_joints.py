@@ -222,6 +222,7 @@ def test_units_shapes_and_layouts_are_checked() -> None:
         (data[0, 0], "allowed is"),
         (np.empty((0, 22, 3)), "no frames"),
         (data * np.nan, "missing|no finite"),
+        (in_layout("kinect_v2", data)[:, np.r_[0:8, 8:12, 16:20, 12:16, 20:22]], "not the joints of one body"),
         ("joints.fbx", "no file"),
         (None, "an array"),
         (np.broadcast_to(data[:, :1], data.shape), "joints coincide"),
@@ -236,6 +237,16 @@ def test_units_shapes_and_layouts_are_checked() -> None:
         record_joints(data, names=[n.replace("left_knee", "tail") for n in JOINT_NAMES[:22]], frame_rate=RATE)
     with pytest.raises(ClipError, match="one of the two"):
         record_joints(data, layout="smpl22", names=JOINT_NAMES[:22], frame_rate=RATE)
+
+
+def test_other_layouts_and_images_are_no_bodies() -> None:
+    data = recorded("walk", 1.0)
+    for made, taken in (("body25", "kinect25"), ("kinect25", "body25"), ("h36m17", "coco17"), ("coco17", "h36m17")):
+        with pytest.raises(ClipError, match=r"check layout|joints coincide"):
+            record_joints(in_layout(made, data), layout=taken, frame_rate=RATE)
+    image = in_layout("mediapipe33", data - data[:, :1]) @ CAMERA.T / 2.2 + [0.5, 0.5, 0.0]
+    with pytest.raises(ClipError, match="pose_world_landmarks"):
+        record_joints(image, layout="mediapipe33", frame_rate=RATE, up="-y")
 
 
 def test_several_people_and_confidences() -> None:
