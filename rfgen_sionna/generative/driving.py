@@ -77,7 +77,11 @@ class Drive:
         """Distance along the path [m] at `t` [s]; 0 before the start, :attr:`length` after the end."""
         if self._ramp == 0.0:
             return float(np.clip(t * self.speed, 0.0, self.length))
-        return self.speed * self._ramp * (_rise(t / self._ramp) - _rise((t - self.length / self.speed) / self._ramp))
+        return (
+            self.speed
+            * self._ramp
+            * (ramp_integral(t / self._ramp) - ramp_integral((t - self.length / self.speed) / self._ramp))
+        )
 
     def __call__(self, t: float) -> tuple[FloatArray, tuple[float, float, float]]:
         u = float(self._parameter(self.travelled(t)))
@@ -85,7 +89,7 @@ class Drive:
         return self._curve(u), (float(np.arctan2(y, x)), float(-np.arctan2(z, np.hypot(x, y))), 0.0)
 
 
-def _rise(s: float) -> float:
+def ramp_integral(s: float) -> float:
     """Integral of the minimum-jerk profile: 0 before 0, s - 1/2 after 1."""
     if s <= 0.0:
         return 0.0
