@@ -28,7 +28,7 @@ _MOST_SEARCHES = 200  # loops that differ without a break: in a scene of fast mo
 Words = NDArray[np.float32]
 
 
-class _UsualDifference:
+class _TypicalDifference:
     """Running median of the mean square difference of successive loops, with its deviation."""
 
     def __init__(self, first: list[float]) -> None:
@@ -66,7 +66,7 @@ def find_breaks(stream: ByteStream, loop_size: int, loops_per_frame: int, missin
 
     first = [span(loop, 0) for loop in range(min(total, 2 * _RECENT))]
     steps = [(loop % loops_per_frame == 0, _difference(first[loop - 1], first[loop])) for loop in range(1, len(first))]
-    kinds = {border: _UsualDifference([step for kind, step in steps if kind == border]) for border in (False, True)}
+    kinds = {border: _TypicalDifference([step for kind, step in steps if kind == border]) for border in (False, True)}
     inside = kinds[loops_per_frame == 1]
 
     def is_hidden(packets: int) -> bool:
@@ -115,7 +115,7 @@ def _best_break(
     left: int,
     words: int,
     loops_per_frame: int,
-    usual: _UsualDifference,
+    usual: _TypicalDifference,
 ) -> tuple[int, int]:
     """Place [words after the start of loop `base`] and number of packets of the break in `loop` or the loop before it
     that leaves the least difference between successive loops; (0, 0) if none leaves a usual one."""
