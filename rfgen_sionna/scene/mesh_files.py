@@ -204,7 +204,8 @@ def _load(path: Path) -> tuple[list[MeshPart], float]:
         loaded = trimesh.load(path, process=False)
         parts = scene_parts(loaded) if hasattr(loaded, "geometry") or hasattr(loaded, "faces") else []
     except Exception as error:  # any exception of a parser
-        raise MeshError(f"mesh file {str(path)!r} cannot be read: {error}") from error
+        cure = "" if path.suffix.lower() in MESH_SUFFIXES else "; export it as glTF (.glb), OBJ, PLY or STL"
+        raise MeshError(f"mesh file {str(path)!r} cannot be read: {error}{cure}") from error
     if is_single_precision(path):
         for mesh in loaded.geometry.values() if hasattr(loaded, "geometry") else [loaded]:
             check_digits(

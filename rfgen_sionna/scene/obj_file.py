@@ -35,8 +35,9 @@ def read_obj(path: Path) -> list[tuple[str, str, FloatArray, IntArray]]:
                 points.append((float(x), float(y), float(z)))
             elif keyword == "f":
                 corners = [int(word.partition("/")[0]) for word in words]
-                corners = [c - 1 if c > 0 else len(points) + c for c in corners]
-                if len(corners) < 3 or not all(0 <= c < len(points) for c in corners):
+                if min(corners, default=0) < 0:
+                    corners = [c + len(points) + 1 if c < 0 else c for c in corners]
+                if len(corners) < 3 or min(corners) < 1 or max(corners) > len(points):
                     raise ValueError(f"three or more of the {len(points)} vertices so far are needed")
                 if faces is None:
                     faces = parts.setdefault((owner, material), [])
@@ -60,9 +61,11 @@ def read_obj(path: Path) -> list[tuple[str, str, FloatArray, IntArray]]:
     vertices = np.array(points, np.float64)
     found = []
     for (name, of), polygons in parts.items():
-        faces_of_part = _triangles(vertices, polygons)
-        used, numbers = np.unique(faces_of_part, return_inverse=True)
-        found.append((name, of, vertices[used], numbers.reshape(-1, 3).astype(np.int32)))
+        triangles = _triangles(vertices, polygons)
+        used = np.zeros(len(vertices), np.bool_)
+        used[triangles] = True
+        numbers = np.cumsum(used, dtype=np.int32) - np.int32(1)
+        found.append((name, of, vertices[used], numbers[triangles]))
     return found
 
 
@@ -71,17 +74,24 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
     pending = ""
     with path.open(encoding="utf-8", errors="replace") as file:
         for number, line in enumerate(file, 1):
-            text = pending + line.partition("#")[0].strip()
+            if line.startswith(("vn", "vt")):  # by far the most of what is not read
+                continue
+            text = line.partition("#")[0].strip() if "#" in line else line.strip()
+            if pending:
+                text = pending + text
             pending = text[:-1] + " " if text.endswith("\\") else ""
             if text and not pending:
                 yield number, text
 
 
 def _triangles(vertices: FloatArray, polygons: list[list[int]]) -> IntArray:
-    """(face, 3) triangles of polygons, convex or not."""
+    """(face, 3) triangles of polygons of vertex numbers from 1 on, convex or not."""
+    if max(map(len, polygons)) == 3:
+        return np.array(polygons, np.int32) - np.int32(1)
     found: list[list[int]] = []
     for polygon in polygons:
-        found += [polygon] if len(polygon) == 3 else split_polygon(vertices, polygon)
+        corners = [c - 1 for c in polygon]
+        found += [corners] if len(corners) == 3 else split_polygon(vertices, corners)
     return np.array(found, np.int32)
 
 

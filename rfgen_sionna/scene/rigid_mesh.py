@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -163,6 +164,12 @@ def mesh_parts(
             parts = [MeshPart("", "", vertices, mesh[1])]
         elif hasattr(mesh, "geometry") or (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
             metres = metres_per_unit(mesh) if scale is None else metres
+            if up is None and getattr(getattr(mesh, "source", None), "file_type", None) in ("glb", "gltf"):
+                warnings.warn(
+                    f"{name}: z is taken for its up axis, but its glTF file has y up: give up='y', or up='z' for an "
+                    "object that was turned, or the path of the file",
+                    stacklevel=4,
+                )
             parts = [
                 MeshPart(part.name, part.material, metres * (part.vertices @ turn.T), part.faces)
                 for part in scene_parts(mesh)

@@ -270,3 +270,18 @@ def test_a_body_of_one_material_is_closed_across_the_materials_of_its_file(tmp_p
     path = write_obj(tmp_path / "box.obj", ("box", "Lid", parts[0]), ("box", "Walls", parts[1]))
     whole = rfgen.Actor.from_mesh(path, material="metal")
     assert trimesh.Trimesh(whole.vertices(0.0), whole.faces, process=False).is_watertight
+
+
+def test_a_gltf_scene_that_trimesh_has_loaded_is_asked_for_its_up_axis(tmp_path: Path) -> None:
+    Y_UP_CAR.export(tmp_path / "car.glb")
+    loaded = trimesh.load(tmp_path / "car.glb")
+    with pytest.warns(UserWarning, match="mesh: z is taken for its up axis, but its glTF file has y up: give up='y'"):
+        rfgen.Actor.from_mesh(loaded, material="metal")
+    points = rfgen.Actor.from_mesh(loaded, material="metal", up="y").vertices(0.0)
+    np.testing.assert_allclose(np.ptp(points, axis=0), [4.0, 1.8, 1.5], rtol=1e-6)
+
+
+def test_a_format_that_is_not_read_names_those_that_are(tmp_path: Path) -> None:
+    (tmp_path / "car.fbx").write_bytes(b"Kaydara FBX Binary")
+    with pytest.raises(MeshError, match=r"car\.fbx' cannot be read: .*; export it as glTF \(\.glb\), OBJ, PLY or STL"):
+        rfgen.Actor.from_mesh(tmp_path / "car.fbx", material="metal")
