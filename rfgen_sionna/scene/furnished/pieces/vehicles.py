@@ -3,6 +3,8 @@
 # ruff: noqa: RUF005  (arrays are added to tuples here, not joined)
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rfgen_sionna.scene.furnished.piece import Piece, pick, piece
@@ -18,9 +20,34 @@ from rfgen_sionna.scene.furnished.shapes import (
 )
 
 
+WHEEL_RADIUS, WHEEL_WIDTH = 0.32, 0.2
+"""Of cars [m]."""
+
+
+class CarShape(NamedTuple):
+    """A car without wheels, about the origin; it drives towards +y."""
+
+    parts: list[Part]
+    hubs: list[tuple[float, float]]
+    """Side and place along the car (x, y) of the wheels' middles [m], rear wheels first."""
+
+
 def car(rng: np.random.Generator) -> Piece:
     """A saloon, an estate or a van: body, cabin with windows, wheels, lights, mirrors; it drives towards +y."""
-    kind = int(rng.integers(3))
+    shape = car_body(rng, int(rng.integers(3)))
+    wheels = []
+    for x, y in shape.hubs:
+        wheel = _wheel(WHEEL_RADIUS, WHEEL_WIDTH, abs(x), y)
+        wheels += [part if x > 0 else mirrored(part) for part in wheel]
+    return piece("car", [*shape.parts[:_BODY], *wheels, *shape.parts[_BODY:]])
+
+
+_BODY = 9
+"""Parts of a car's body and cabin."""
+
+
+def car_body(rng: np.random.Generator, kind: int) -> CarShape:
+    """Body, cabin with windows, lights and mirrors of a saloon (0), an estate (1) or a van (2)."""
     length, width = (4.4, 4.5, 4.9)[kind] * rng.uniform(0.93, 1.05), rng.uniform(1.72, 1.86)
     roof = (1.43, 1.48, 1.95)[kind]
     paint = pick(rng, "car paint", "painted metal", "metal", "dark metal")
@@ -43,9 +70,7 @@ def car(rng: np.random.Generator) -> Piece:
         1: [(-0.97, belt), (-0.86, roof), (0.10, roof), (0.44, belt - 0.02)],
         2: [(-0.99, belt), (-0.97, roof), (0.52, roof), (0.74, belt - 0.02)]}[kind]  # fmt: skip
     parts += _cabin([(y * half, z) for y, z in outline], width, paint)
-    for y in (-0.60 * half, 0.62 * half):
-        for s in (-1, 1):
-            parts += [part if s > 0 else mirrored(part) for part in _wheel(0.32, 0.2, 0.5 * width - 0.08, y)]
+    hubs = [(s * (0.5 * width - 0.08), y) for y in (-0.60 * half, 0.62 * half) for s in (-1, 1)]
     for s in (-1, 1):
         parts.append(cushion((0.3, 0.06, 0.13), 0.03, cells=2).at(s * 0.33 * width, 0.985 * half, 0.62).of("window"))
         parts.append(cushion((0.24, 0.05, 0.16), 0.02, cells=2).at(s * 0.36 * width, -half, 0.76).of("bright plastic"))
@@ -55,7 +80,7 @@ def car(rng: np.random.Generator) -> Piece:
             parts.append(block(0.03, 0.15, 0.025, s * 0.5 * width, y, belt - 0.16).of("metal"))
     parts.append(block(0.52, 0.03, 0.11, 0, half, 0.42).of("white plastic"))
     parts.append(block(0.52, 0.03, 0.11, 0, -half - 0.005, 0.55).of("white plastic"))
-    return piece("car", parts)
+    return CarShape(parts, hubs)
 
 
 def _cabin(outline: list[tuple[float, float]], width: float, paint: str) -> list[Part]:
