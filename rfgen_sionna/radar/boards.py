@@ -10,7 +10,7 @@ from rfgen_sionna.radar.config import read_config
 from rfgen_sionna.resources import UnknownResourceError, available, resolve
 
 _NEUTRAL = re.compile(r"^demo|(boost|rfevm|evm)$")
-"""Parts of vendors' names that do not tell boards apart."""
+"""Parts of vendors' names that boards of one kind have or lack."""
 _DEVICES = (
     (re.compile(r"^[aix]wrl?6[48]|^bgt60"), (57e9, 64e9)),
     (re.compile(r"^[aix]wrl?(1[2-8]|2[0-9])|^mmwcas"), (76e9, 81e9)),
@@ -22,7 +22,7 @@ _DEVICES = (
 def board_file(name: str) -> Path:
     """Path of a shipped board's file, by its name in any case, with or without the vendor's suffix (BOOST, EVM).
 
-    "xwr1843" is the AWR1843 or IWR1843, whichever is there alone.
+    TI's AWR and IWR boards of one number have the same antennas: "IWR1843BOOST" and "xwr1843" are the AWR1843BOOST.
 
     Raises
     ------
@@ -34,13 +34,14 @@ def board_file(name: str) -> Path:
         return resolve("radars", name)
     wanted, plain = _shortened(name), _plain(name)
     found = [known for known in names if _shortened(known) == wanted]
-    if wanted.startswith("xwr"):
-        found = [known for known in names if re.sub("^[ai]wr", "xwr", _shortened(known)) == wanted]
+    if not found:
+        found = [known for known in names if _numbered(_shortened(known)) == _numbered(wanted)]
     if len(found) == 1:
         return resolve("radars", found[0])
     band = next((band for pattern, band in _DEVICES if pattern.search(plain)), None)
     near = boards_for(band, part=True) if band else ()
-    close = get_close_matches(plain, near or names, n=1)
+    stems = {_numbered(known): known for known in near or names}
+    close = [stems[stem] for stem in get_close_matches(_numbered(plain), stems, n=1)]
     message = f"no radar is called {name!r}{f' (did you mean {close[0]!r}?)' if close else ''}; "
     if band and near:
         others = [known for known in names if known not in near]
@@ -99,3 +100,8 @@ def _plain(name: str) -> str:
 
 def _shortened(name: str) -> str:
     return _NEUTRAL.sub("", _plain(name))
+
+
+def _numbered(name: str) -> str:
+    """Name without the letter that tells TI's automotive, industrial and general devices apart."""
+    return re.sub("^[aix]wr", "xwr", name)

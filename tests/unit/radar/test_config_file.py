@@ -61,6 +61,8 @@ def rf(config: dict[str, Any]) -> dict[str, Any]:
         ("Awr1642", "awr1642boost"),
         ("AWR2944", "awr2944evm"),
         ("xwr1843", "awr1843"),
+        ("IWR1843BOOST", "awr1843"),
+        ("AWR1443BOOST", "iwr1443boost"),
         ("BGT60TR13C", "bgt60tr13c"),
         ("MMWCAS-RF-EVM", "mmwcas"),
         ("Position2Go", "position2go"),
