@@ -26,8 +26,12 @@ def draw(file: Path, overwrite: bool, keep: bool = False) -> None:
 
     with open_run(file) as run:
         for name, each in run.radars.items():
-            stem = file.stem if each is run else f"{file.stem}-{name.replace(' ', '-')}"
-            draw_run(each, file.with_stem(stem), overwrite, keep)
+            draw_run(each, picture_name(file, run, name), overwrite, keep)
+
+
+def picture_name(file: Path, run: Run, radar: str) -> Path:
+    """Name of the pictures of one radar, before their suffix: with the radar's in a file of several."""
+    return file if run[radar] is run else file.with_stem(f"{file.stem}-{radar.replace(' ', '-')}")
 
 
 def draw_run(run: Run | Capture, file: Path, overwrite: bool, keep: bool) -> None:

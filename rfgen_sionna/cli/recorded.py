@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from rfgen_sionna.cli.console import draw, draw_run, out, report_written
+from rfgen_sionna.cli.console import draw, draw_run, out, picture_name, report_written
 
 if TYPE_CHECKING:
     from rfgen_sionna.dataset import Run
@@ -67,9 +67,8 @@ def show(
     from rfgen_sionna.show import summary
 
     if _is_run(source):
-        out.print(escape(summary(source)), soft_wrap=True)
-        if pictures:
-            draw(source, overwrite, keep=True)
+        _of_captures_only(board=board is not None, partial=partial)
+        _show_run(source, radar, pictures, overwrite)
         return
     capture = _open(source, radar, board, partial)
     out.print(escape(summary(capture)), soft_wrap=True)
@@ -104,6 +103,7 @@ def export(
     options = _scale(scale)
     # lazily: one frame at a time is read and written
     if _is_run(source):
+        _of_captures_only(board=board is not None, partial=partial, skip_lost=skip_lost)
         with open_run(source) as whole, out.status("exporting"):
             run = _one_radar(whole, radar)
             cube = AdcCube(run.adc, run.radar, run.frame_times, run.seeds.get("noise"))
@@ -121,6 +121,30 @@ def export(
     units = "in LSB" if report.scale is None else f"{report.scale:g} √W per LSB"
     level = "" if report.full_scale_dbm is None else f", full scale {report.full_scale_dbm:.1f} dBm"
     out.print(f"{report.frames} frames, {units}{level}, {report.clipped} values clipped")
+
+
+def _show_run(source: Path, radar: str | None, pictures: bool, overwrite: bool) -> None:
+    """Show the run of the radar `radar`, or of all radars of a file."""
+    from rfgen_sionna.dataset import open_run
+    from rfgen_sionna.show import summary
+
+    if radar is None:
+        out.print(escape(summary(source)), soft_wrap=True)
+        if pictures:
+            draw(source, overwrite, keep=True)
+        return
+    with open_run(source) as whole:
+        run = _one_radar(whole, radar)
+        out.print(escape(summary(run)), soft_wrap=True)
+        if pictures:
+            draw_run(run, picture_name(source, whole, radar), overwrite, keep=True)
+
+
+def _of_captures_only(**given: bool) -> None:
+    """Refuse options that a run has no use for."""
+    for name, is_given in given.items():
+        if is_given:
+            raise ValueError(f"--{name.replace('_', '-')} is for captures; a run has its radar and all of its samples")
 
 
 def _is_run(source: Path) -> bool:

@@ -91,6 +91,14 @@ def test_a_capture_that_cannot_be_opened(board: Path, arguments: tuple[str, ...]
         run("show", board, *arguments, "--no-pictures")
 
 
+def test_options_of_captures_are_none_of_runs(tmp_path: Path) -> None:
+    for command in (("show",), ("export", "--format", "dca1000", "--output", tmp_path / "x")):
+        with pytest.raises(ValueError, match="--partial is for captures"):
+            run(*command, tmp_path / "run.h5", "--partial")
+    with pytest.raises(ValueError, match="--skip-lost is for captures"):
+        run("export", tmp_path / "run.h5", "--format", "dca1000", "--output", tmp_path / "x", "--skip-lost")
+
+
 def test_samples_on_the_disk_are_a_cube(board: Path) -> None:
     capture = open_capture(board, radar="awr1843")
     assert (capture.adc.shape, capture.adc.dtype) == ((2, 128, 3, 4, 256), np.complex64)

@@ -46,7 +46,7 @@ class LaneLayout:
 
     def __post_init__(self) -> None:
         if self.lanes not in (2, 4):
-            raise ValueError(f"lanes is {self.lanes!r}; 2 or 4 LVDS lanes are supported")
+            raise CaptureFormatError(f"lanes is {self.lanes!r}; 2 or 4 LVDS lanes are supported")
         block = self.channels * self.samples if self.interleaved else self.samples
         if self.parts == 2 and block % self.lanes:
             raise CaptureFormatError(

@@ -11,6 +11,7 @@ from rfgen_sionna.signal.formats.matlab import is_ours
 from rfgen_sionna.signal.formats.npy import read_header
 from rfgen_sionna.signal.formats.sidecar import FORMER_SUFFIX, SUFFIX, is_sidecar, sidecar_of
 from rfgen_sionna.signal.formats.studio_files import CONFIG, SETUP
+from rfgen_sionna.signal.formats.udp import header_size
 
 FORMATS = ("dca1000", "cascade", "position2go", "infineon", "rfgenesis", "matlab")
 _SUFFIXES = {".bin": "dca1000", ".raw": "position2go", ".npy": "npy", ".mat": "matlab", ".xml": "position2go"}
@@ -40,6 +41,8 @@ def recognise(path: Path) -> tuple[Path, str]:
     if DATA_NAME.fullmatch(path.name):
         return path, "cascade"
     found = _SUFFIXES.get(path.suffix.lower())
+    if found in (None, "position2go") and header_size(path):
+        return path, "dca1000"  # a dump of UDP packets under another suffix
     if path.suffix.lower() == ".xml":
         return companion(path, ".raw"), "position2go"
     if found is None:

@@ -209,6 +209,12 @@ def test_a_dump_of_packets_is_put_in_order(tmp_path: Path, radar: Radar, content
     assert [loss.frame for loss in capture.lost] == [0]
 
 
+@pytest.mark.parametrize("name", ["udp.dat", "udp.raw", "udp"])
+def test_a_dump_is_recognised_under_any_name(tmp_path: Path, radar: Radar, content: bytearray, name: str) -> None:
+    (tmp_path / name).write_bytes(dump(content, list(range(-(-len(content) // PACKET)))))
+    assert len(open_capture(tmp_path / name, radar=radar)) == FRAMES
+
+
 def test_a_dump_that_begins_late_keeps_the_frames_in_step(tmp_path: Path, radar: Radar, content: bytearray) -> None:
     order = list(range(40, -(-len(content) // PACKET)))
     (tmp_path / "dump.bin").write_bytes(dump(content, order))
