@@ -25,6 +25,7 @@ _TIMES = ("times", "time", "timestamps", "timestamp", "t")
 _RATES = ("frame_rate", "fps", "framerate", "mocap_framerate", "mocap_frame_rate", "rate")
 _NAMES = ("names", "joint_names", "joints_names")
 _CONFIDENCES = ("confidence", "confidences", "visibility", "scores", "score", "conf")
+_ROW_NAMES = ("joint", "joint_name", "name", "landmark", "landmark_name", "keypoint", "joint_id", "landmark_id")
 _COLUMN = re.compile(
     r"^(?:(?P<a1>[xyz])[ _.:-]+(?P<n1>.+)|(?P<a2>[xyz])(?P<n2>\d+)|(?P<n3>.+?)[ _.:-]+(?P<a3>[xyzXYZ])|"
     r"(?P<n4>.*[a-z0-9])(?P<a4>[XYZ]))$"
@@ -250,6 +251,9 @@ def _read_csv(path: Path, names: tuple[str, ...] | None, columns: str | None) ->
     header = [cell.strip() for cell in rows[0]]
     if all(_is_number(cell) for cell in header):
         return _track(_cells(path.name, rows, 0), names, columns, None, path.name)
+    lower = [cell.lower() for cell in header]
+    if {"x", "y", "z"} <= set(lower) and set(lower) & set(_ROW_NAMES):
+        return _of_rows(path.name, lower, rows[1:], names)
     table = _cells(path.name, rows[1:], 1)
     if table.ndim != 2 or table.shape[1] != len(header):
         raise ClipError(f"{path.name}: rows of {table.shape[-1]} cells under a header of {len(header)}")
@@ -304,6 +308,39 @@ def _read_csv(path: Path, names: tuple[str, ...] | None, columns: str | None) ->
                 values[:, j] = table[:, trust[name]]
         confidences = _confidence(values, path.name)
     return JointTrack(positions, tuple(names), confidences, times, None, path.name)
+
+
+def _of_rows(name: str, header: list[str], rows: list[list[str]], names: tuple[str, ...] | None) -> JointTrack:
+    """Track of a table with one joint a row: a frame or a time, a joint's name or number, and x, y, z."""
+    column = {key: header.index(key) for key in header}
+    joint = column[next(key for key in _ROW_NAMES if key in column)]
+    clock = next((k for k, cell in enumerate(header) if _TIME.fullmatch(cell)), None)
+    frame = column.get("frame", column.get("frame_id", clock))
+    people = next(
+        (column[key] for key in ("person", "person_id", "body", "body_id", "track_id") if key in column), None
+    )
+    if frame is None:
+        raise ClipError(f"{name}: rows of joints without a column frame or time")
+    if people is not None and len({row[people] for row in rows}) > 1:
+        raise ClipError(f"{name}: several people in column {header[people]!r}; one person a file")
+    own = list(dict.fromkeys(row[joint].strip() for row in rows))
+    if all(cell.isdigit() for cell in own):
+        own.sort(key=int)
+        if names is None or len(names) != len(own):
+            raise ClipError(f"{name}: {len(own)} joints by number; layout= or names= with {len(own)} names says them")
+    frames = list(dict.fromkeys(row[frame].strip() for row in rows))
+    trust = next((column[key] for key in _CONFIDENCES if key in column), None)
+    numbers = [frame if clock is None else clock, *(column[axis] for axis in "xyz"), *([trust] if trust else [])]
+    values = _cells(name, [[row[k] for k in numbers] for row in rows], 1)
+    table = np.full((len(frames), len(own), values.shape[1]), np.nan)
+    place = {cell: k for k, cell in enumerate(frames)}, {cell: k for k, cell in enumerate(own)}
+    for row, value in zip(rows, values, strict=True):
+        table[place[0][row[frame].strip()], place[1][row[joint].strip()]] = value
+    unit = _TIME.fullmatch(header[clock]) if clock is not None else None
+    times = None if unit is None else np.nanmin(table[..., 0], axis=1) * _SECONDS[(unit[1] or "").lower()]
+    confidences = _confidence(table[..., 4], name) if trust else None
+    chosen = names if names is not None and all(cell.isdigit() for cell in own) else tuple(own)
+    return JointTrack(table[..., 1:4], tuple(chosen), confidences, times, None, name)
 
 
 def _is_number(cell: str) -> bool:

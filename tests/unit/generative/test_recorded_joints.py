@@ -305,6 +305,12 @@ def test_files_of_joints(tmp_path: Path) -> None:
     np.testing.assert_allclose(numbered.positions, wanted, atol=1e-6)
     with pytest.raises(ClipError, match="x and y only"):
         record_joints(csv([f"{n}_{a}" for n in names for a in "xy"], data[..., :2].reshape(len(data), -1)))
+    # one joint a row
+    rows = [f"{t:.6f},{name},{x:.9f},{y:.9f},{z:.9f},0.9" for t, frame in zip(times, data, strict=True)
+            for name, (x, y, z) in zip(names, frame, strict=True)]  # fmt: skip
+    (tmp_path / "rows.csv").write_text("time,joint,x,y,z,visibility\n" + "\n".join(rows[3:]))
+    made = record_joints(tmp_path / "rows.csv")
+    np.testing.assert_allclose(made.positions[2:], wanted[2 : len(made.positions)], atol=0.01)
     np.savez(tmp_path / "joints.npz", positions=data, names=names, times=times)
     np.testing.assert_allclose(record_joints(tmp_path / "joints.npz").positions, wanted, atol=1e-6)
     np.save(tmp_path / "flat.npy", planar)
