@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rfgen_sionna.scene import material as material
     from rfgen_sionna.scene.furnished import furnished as furnished
     from rfgen_sionna.simulation import Simulator as Simulator
+    from rfgen_sionna.tracing.radar_cross_section import rcs as rcs
     from rfgen_sionna.tracing.sionna.sensing_target import add_actor as add_actor
     from rfgen_sionna.tracing.sionna.sionna_paths import from_sionna as from_sionna
 
@@ -47,6 +48,7 @@ _HOMES = {
     "load_scene": "scene",
     "material": "scene",
     "open_run": "dataset",
+    "rcs": "tracing.radar_cross_section",
     "record": "recording",
 }
 """Public name -> module that defines it."""

@@ -49,6 +49,23 @@ class ScatteringMesh:
         dr.eval(self.corners)
 
 
+def exact_basis(vector: Any) -> tuple[Any, Any, Any]:
+    """Unit vector along a direction of propagation `mi.Vector3f`, and Sionna's implicit basis across it, in float64."""
+    import mitsuba as mi
+    from sionna.rt.utils import implicit_basis_vector
+
+    dr, types = drjit_types()
+
+    def exact(vector: Any) -> Any:
+        detached = dr.detach(vector, preserve_type=False)
+        return dr.normalize(types.Array3f64(*(types.Float64(detached[axis]) for axis in range(3))))
+
+    k = exact(vector)
+    first = exact(implicit_basis_vector(mi.Vector3f(vector)))
+    first = dr.normalize(first - dr.dot(first, k) * k)
+    return k, first, dr.cross(k, first)
+
+
 class ScatteringPoint:
     """One piece of a body as a scattering point: callables for Sionna's `register_rcs`, `register_cpm` and
     `ScatteringModel`.
@@ -90,25 +107,11 @@ class ScatteringPoint:
 
     def jones(self, k_i: Any, k_s: Any) -> tuple[ComplexPair, ComplexPair, ComplexPair, ComplexPair]:
         """Scattering matrix [m] row by row (out, in), in float64, for directions of propagation `mi.Vector3f`."""
-        import mitsuba as mi
-        from sionna.rt.utils import implicit_basis_vector
-
         dr, types = drjit_types()
         Float, UInt32, Array3 = types.Float64, types.UInt32, types.Array3f64
         body = self._body
 
-        def exact(vector: Any) -> Any:
-            detached = dr.detach(vector, preserve_type=False)
-            return dr.normalize(Array3(*(Float(detached[axis]) for axis in range(3))))
-
-        k_in, k_out = exact(k_i), exact(k_s)
-
-        def basis(vector: Any, k: Any) -> tuple[Any, Any]:
-            first = exact(implicit_basis_vector(mi.Vector3f(vector)))
-            first = dr.normalize(first - dr.dot(first, k) * k)
-            return first, dr.cross(k, first)
-
-        incoming, outgoing = basis(k_i, k_in), basis(k_s, k_out)
+        (k_in, *incoming), (k_out, *outgoing) = exact_basis(k_i), exact_basis(k_s)
         frequency = body.frequency()
         wavenumber = dr.opaque(Float, 2 * np.pi * frequency / SPEED_OF_LIGHT)
         zero = dr.zeros(UInt32, 1)
