@@ -71,3 +71,13 @@ def test_position2go_finds_distance_speed_and_side(tmp_path: Path, options: list
     assert int(wrong["position2go"]) == 0
     assert int(wrong["position2go_v11"]) >= 4  # beyond 53 degrees on either side
     assert drawn(tmp_path / "panels.png")
+
+
+@pytest.mark.slow
+def test_bgt60tr13c_follows_a_chest(tmp_path: Path) -> None:
+    out = run("bgt60tr13c.py", tmp_path / "breath.png", "--quick", "--rate", "0.3", "--depth", "3")
+    range_, rate = map(float, re.search(r"simulated: ([\d.]+) m, ([\d.]+) breaths a second", out).groups())
+    assert range_ == pytest.approx(0.33, abs=0.01)
+    assert rate == pytest.approx(0.3, abs=0.01)
+    with Image.open(tmp_path / "breath.png") as image:
+        assert len(image.convert("RGB").getcolors(2**24)) > 100
