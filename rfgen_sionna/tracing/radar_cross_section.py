@@ -7,7 +7,7 @@ Section, 2nd ed., 2004, ch. 3 and 5).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -165,7 +165,7 @@ def rcs(
             raise ValueError(f"{name} is {value!r}: bistatic cross-sections are single reflections in the far field")
         start = _directions("incident", *_pair(incident))
         found = _bistatic(parts, middle, size, start, towards, frequency, polarization)
-    amplitude, missed = (each.reshape(azimuths.shape) for each in found)
+    amplitude, missed = found[0].reshape(azimuths.shape), found[1].reshape(azimuths.shape)
     power = np.abs(amplitude) ** 2
     error = np.hypot(missed, OPTICS_ERROR / (0.5 * wavenumber * size))
     ends = None if incident is None else (float(incident[0]), float(incident[1]))
@@ -184,10 +184,13 @@ def _parts(mesh: Any, material: str | Material) -> tuple[list[RelativeObject], F
     size = 2.0 * float(lengths(points - middle).max())
     found = []
     for own in by_material([shape]):
-        corners = np.asarray(own.vertices(0.0), np.float64) - middle
         known = own.name, own.properties, own.faces, own.part_names, own.face_parts, False
-        found.append(RelativeObject(*known, lambda _, corners=corners: corners))
+        found.append(RelativeObject(*known, _still(np.asarray(own.vertices(0.0), np.float64) - middle)))
     return found, middle, size
+
+
+def _still(points: FloatArray) -> Callable[[float], FloatArray]:
+    return lambda _: points
 
 
 def _pair(incident: Any) -> tuple[Any, Any]:

@@ -40,9 +40,9 @@ class RepresentativeFaces:
     ) -> None:
         wavenumber, size, strength = 4 * np.pi * frequency / SPEED_OF_LIGHT, np.zeros(len(faces)), np.zeros(len(faces))
         # Faces that are strong at one end only count as well.
-        poses = (vertices[0], vertices[-1]) if len(faces) < MANY_FACES else (vertices[len(vertices) // 2],)
+        poses = [vertices[0], vertices[-1]] if len(faces) < MANY_FACES else [vertices[len(vertices) // 2]]
         if longest_edges is not None:  # what turns fast shows other faces in between
-            poses = tuple(vertices[:: max(1, len(vertices) // _TURNED_POSES)])
+            poses = list(vertices[:: max(1, len(vertices) // _TURNED_POSES)])
         for points in poses:
             found, angle = _estimated_returns(points, faces, viewpoint, wavenumber)
             if closed:
