@@ -68,14 +68,16 @@ class PlotLimits:
         for actor in run.actors.values():
             places += [actor.vertices(frame).astype(np.float64) for frame in range(len(run))]
         if not run.actors:
-            ahead = run.radar.rotation[:, 0] * run.radar.max_range / 2
-            places.append(places[0] + ahead)
+            reach = run.radar.max_range / 2
+            corners = reach * np.array([[1, y, z] for y in (-0.5, 0.5) for z in (-0.25, 0.25)])
+            places.append(places[0] + corners @ run.radar.rotation.T)
         low = np.min([place.min(axis=0) for place in places], axis=0)
         high = np.max([place.max(axis=0) for place in places], axis=0)
         margin = np.maximum(0.25, (1.2 - (high - low)) / 2)
         floor = min(low[2], 0.0)
         low, high = low - margin, high + margin
-        low[2] = floor
+        if run.actors or run.radar.position[2] > 0:  # else the radar has no place in a room
+            low[2] = floor
         return cls(low, high)
 
 
