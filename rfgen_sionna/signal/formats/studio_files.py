@@ -107,7 +107,7 @@ def folder_config(folder: Path) -> tuple[Path, ...]:
 def _read_setup(path: Path) -> _Setup:
     record = read_json(path)
     try:
-        captured = record["capturedFiles"]
+        captured = record.get("capturedFiles", {"files": []})  # absent before the first capture
         files = captured["files"]
         entries = files if isinstance(files, list) else [files]
         names = [
