@@ -2,7 +2,7 @@
 
     python examples/bgt60tr13c.py                          simulation alone, 20 s
     python examples/bgt60tr13c.py --data FOLDER            with a recording: radar.npy and config.json
-    python examples/bgt60tr13c.py --quick                  8 s
+    python examples/bgt60tr13c.py --quick                  12 s
 
 A recording to try: the folder of github.com/zharfanw/bgt60tr13c_processing with radar.npy and config.json. Prints range
 and rate, and draws range profiles over time and displacements.
@@ -21,7 +21,7 @@ from rfgen_sionna.signal.formats import open_capture
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("--data", type=Path, help="folder of a recording with radar.npy and config.json")
-parser.add_argument("--quick", action="store_true", help="8 s instead of 20")
+parser.add_argument("--quick", action="store_true", help="12 s instead of 20")
 parser.add_argument("--rate", type=float, default=0.25, help="breaths a second of the simulated chest")
 parser.add_argument("--depth", type=float, default=4.5, help="amplitude of the simulated chest [mm]")
 parser.add_argument("--output", type=Path, default=Path("bgt60tr13c.png"), help="picture to draw")
@@ -37,7 +37,7 @@ def place(t: float) -> tuple[float, float, float]:
 
 
 chest = rfgen.Actor.from_mesh(trimesh.creation.icosphere(3, radius=0.12), material="skin", trajectory=place)
-seconds = 8.0 if arguments.quick else 20.0
+seconds = 12.0 if arguments.quick else 20.0
 simulated = rfgen.Simulator(None, radar, [chest], rtol=0.03).adc(duration=seconds, seed=0)
 
 cubes = {"simulated": simulated.data} | ({"recorded": recorded.cube().data} if recorded else {})
