@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from typer.testing import CliRunner
 
 from rfgen_sionna import cli
@@ -90,6 +91,11 @@ def test_generate_passes_every_option_on(rfgen: Rfgen, tmp_path: Path, monkeypat
     call.pop("report")
     assert call == {
         "prompt": "a person raises an arm",
+        "actors": [],
+        "board": None,
+        "outside": "error",
+        "up": None,
+        "frame_rate": None,
         "negative": "left arm",
         "environment": "diffusion: a living room",
         "negative_environment": "sofa",
@@ -295,7 +301,13 @@ def test_every_option_is_one_of_the_pipeline() -> None:
 
     from rfgen_sionna.pipeline import generate
 
-    shown = set(signature(cli.generate).parameters) - {"pictures", "no_environment", "strength", "surroundings"}
+    shown = set(signature(cli.generate).parameters) - {
+        "pictures",
+        "no_environment",
+        "strength",
+        "surroundings",
+        "actor",
+    }
     assert shown <= set(signature(generate).parameters)
 
 
@@ -397,3 +409,48 @@ def test_motions_are_listed_and_drawn(tmp_path: Path) -> None:
     assert isinstance(again.exception, FileExistsError)
     nothing = app.invoke(cli.app, ["motions", "levitates"])
     assert "no clip has the words" in str(nothing.exception)
+
+
+def test_a_clip_and_objects_on_the_command_line(rfgen: Rfgen, tmp_path: Path) -> None:
+    trimesh.creation.icosphere(subdivisions=1, radius=0.1).export(tmp_path / "my ball.ply")
+    np.savez(tmp_path / "wave.npz", poses=np.zeros((3, 72)), trans=np.zeros((3, 3)), mocap_framerate=30.0)
+    options = ("--no-pictures", "--environment", "free space")
+    arguments = ("a person jumps, 2 m away", "--motion", "wave.npz", "--up", "y", "--frame-rate", "60")
+    code, out, err = rfgen("generate", *arguments, *options, "--actor", "my ball.ply metal 2,1,0.5")
+    assert code == 0, err
+    call = rfgen.calls[0]
+    assert (call["motion"], call["up"], call["frame_rate"], call["duration"]) == ("wave.npz", "y", 60.0, None)
+    assert call["output"] == Path("wave.h5")
+    (ball,) = call["actors"]
+    assert (ball.position, ball.material) == ((2.0, 1.0, 0.5), "metal")
+    assert "2 m away" in out
+    for wrong, said in (
+        (("--actor", "ball.ply metal"), "--actor: 'ball.ply metal' is not 'FILE MATERIAL X,Y,Z'"),
+        (("--actor", "my ball.ply metal 2,1"), "--actor: '2,1' is not X,Y,Z"),
+        (("--motion", "none.bvh"), "there is no file or folder 'none.bvh'"),
+        (("--motion", "kinematic", "--up", "y"), "up is 'y', which belongs to a clip"),
+    ):
+        code, _, err = rfgen("generate", "a person jumps", *options, *wrong)
+        assert code == 2
+        assert said in " ".join(err.split())
+
+
+def test_files_of_several_radars_are_shown_and_exported_by_name(rfgen: Rfgen, tmp_path: Path) -> None:
+    radar = Radar.load("awr1843", "mmmesh")
+    radar = replace(radar, waveform=replace(radar.waveform, num_loops=8, num_samples=16))
+    infos = {name: RunInfo(radar.placed(position=(0, y, 1))) for name, y in (("left", 1), ("right side", -1))}
+    with RunWriter(tmp_path / "run.h5", infos) as writer:
+        for value, name in enumerate(infos):
+            writer.append(np.full(radar.frame_shape, 1e-6 * (1 + value), np.complex64), time=0.0, radar=name)
+    code, out, err = rfgen("show", "run.h5", "--no-pictures")
+    assert code == 0, err
+    assert "left: awr1843" in out
+    assert "right side: awr1843" in out
+    code, _, err = rfgen("export", "run.h5", "--format", "matlab", "--output", "x.mat")
+    assert code == 2
+    assert "--radar is not given; 'run.h5' has 'left', 'right side': name one of them" in " ".join(err.split())
+    code, out, err = rfgen("export", "run.h5", "--format", "matlab", "--output", "x.mat", "--radar", "right side")
+    assert code == 0, err
+    cube = read_capture(tmp_path / "x.mat")
+    np.testing.assert_allclose(cube.data, 2e-6, rtol=1e-6)
+    assert cube.radar.position == (0, -1, 1)
