@@ -18,6 +18,7 @@ CONFIGS = {
     "dca1000": "adc_data.mmwave.json",
     "cascade": "{folder}.mmwave.json",
     "position2go": "position2go.xml",
+    "infineon": "config.json",
     "rfgenesis": "radar_frames_config.json",
 }
 RF = ("mmWaveDevices", 0, "rfConfig")
