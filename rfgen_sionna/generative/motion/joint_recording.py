@@ -14,7 +14,7 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.clip_error import ClipError
 from rfgen_sionna.generative.motion.joint_files import JointTrack, read_joints
 from rfgen_sionna.generative.motion.joint_layouts import package_joints
-from rfgen_sionna.generative.motion.joint_smoothing import LONGEST_GAP, smooth_paths
+from rfgen_sionna.generative.motion.joint_smoothing import LONGEST_GAP, check_gaps, smooth_paths
 from rfgen_sionna.generative.motion.rotations import normalised
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, NUM_BODY_JOINTS, SIDES
 from rfgen_sionna.scene.mesh_files import to_z_up
@@ -97,13 +97,13 @@ def record_joints(
     places[np.abs(places).max(axis=-1) == 0.0] = np.nan  # sensors write zeros for joints that they do not see
     if "pelvis" in joints and _at_origin(track.positions[:, joints["pelvis"]]):
         places[:, kept.index("pelvis")] = 0.0
-    unseen = [name for name in _OPTIONAL if name in joints and np.isnan(places[:, kept.index(name)]).all()]
+    at = _times(track, frame_rate, times)
+    unseen = _unseen(track.label, at, places, kept, longest_gap)
     part = [k for k, name in enumerate(kept) if name not in unseen]
     kept, places, trust = [kept[k] for k in part], places[:, part], trust[:, part]
     for name, path in zip(kept, places.swapaxes(0, 1), strict=True):
         if np.isnan(path).all():
             raise ClipError(f"{track.label}: {name} is missing in all frames, and no body goes without it")
-    at = _times(track, frame_rate, times)
     check_size(track.label, places, kept, scale)
     _check_proportions(track.label, places, kept)
     _check_image(track, places, kept, scale)
@@ -126,6 +126,20 @@ def record_joints(
         complete(body), rate, tuple(name for name in kept if name in JOINT and JOINT[name] < NUM_BODY_JOINTS),
         {name: float(np.nanmedian(distance[:, k])) for k, name in enumerate(kept)}, _lengths(places, kept), centred,
     )  # fmt: skip
+
+
+def _unseen(label: str, times: FloatArray, places: FloatArray, names: Sequence[str], longest_gap: float) -> list[str]:
+    """Joints that a body does without, missing for too long; a warning names those that are seen at times."""
+    unseen = []
+    for name in (name for name in _OPTIONAL if name in names):
+        seen = np.asarray(np.isfinite(places[:, names.index(name)]).all(axis=-1))
+        try:
+            check_gaps(times, seen, name, longest_gap)
+        except ClipError as error:
+            unseen.append(name)
+            if seen.any():
+                _LOG.warning("%s: %s; it is left out, and follows the joints around it", label, error)
+    return unseen
 
 
 def _lengths(places: FloatArray, names: Sequence[str]) -> dict[str, float]:

@@ -239,6 +239,24 @@ def test_units_shapes_and_layouts_are_checked() -> None:
         record_joints(data, layout="smpl22", names=JOINT_NAMES[:22], frame_rate=RATE)
 
 
+def test_a_body_goes_without_ears_and_toes_that_are_out_of_sight(caplog: pytest.LogCaptureFixture) -> None:
+    data = in_layout("body25", recorded("walk", 2.0))
+    names = LAYOUTS["body25"]
+    data[10:50, names.index("LEar")] = 0.0  # as detectors write it
+    data[:, names.index("RBigToe")] = np.nan
+    made = record_joints(data, layout="body25", frame_rate=RATE)
+    assert "left_ear: missing from" in caplog.text
+    assert "it is left out" in caplog.text
+    assert "right_foot" not in made.measured
+    # the foot points ahead of its ankle, where the other one does
+    ahead = made.positions[:, [JOINT["left_foot"], JOINT["right_foot"]], 0] - made.positions[:, [7, 8], 0]
+    assert np.median(np.abs(ahead[:, 0] - ahead[:, 1])) < 0.06
+    assert np.abs(ahead).max() > 0.1
+    data[10:50, names.index("LKnee")] = 0.0
+    with pytest.raises(ClipError, match="left_knee: missing from"):
+        record_joints(data, layout="body25", frame_rate=RATE)
+
+
 def test_other_layouts_and_images_are_no_bodies() -> None:
     data = recorded("walk", 1.0)
     for made, taken in (("body25", "kinect25"), ("kinect25", "body25"), ("h36m17", "coco17"), ("coco17", "h36m17")):
