@@ -108,7 +108,9 @@ def chosen_duration(duration: float | None, actors: Sequence[MeshActor]) -> floa
 
 def default_output(said: ScenePrompt | None) -> str:
     """File of a run without an argument `output`: the action or the clip."""
-    return "run.h5" if said is None else f"{said.action.removeprefix(CLIP)}.h5"
+    if said is None:
+        return "run.h5"
+    return f"{'' if said.target == 'person' else f'{said.target}_'}{said.action.removeprefix(CLIP)}.h5"
 
 
 def chosen_view(

@@ -292,7 +292,7 @@ def generate(
         raise ValueError(
             f"distance is {place:g} m: {what} the person from the radar there; {remedy}, or place the radar elsewhere"
         )
-    decisions += [Decision("actor", f"{each.name}: {each.properties.name}", argument("actors")) for each in others]
+    decisions += [Decision("actor", f"{each.name}: {each.material_names}", argument("actors")) for each in others]
     text = "\n".join([DECIDED, *tabulate(decisions)]) if person is None else person.report(decisions)
     if report is None:
         _LOG.info("%s", text)

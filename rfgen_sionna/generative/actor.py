@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -16,15 +16,21 @@ from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError, Rig, anima
 from rfgen_sionna.generative.bodies.gltf import is_animated, load_animation
 from rfgen_sionna.generative.bodies.measured_person import JointResidual, measured_person
 from rfgen_sionna.generative.bodies.sampled import MESH_SUFFIXES, load_mesh_sequence
-from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
+from rfgen_sionna.generative.decisions import Decision
+from rfgen_sionna.generative.driving import Drive
 from rfgen_sionna.generative.motion import ACTIONS, MotionSource, SentenceSource, Skeleton
 from rfgen_sionna.generative.motion.clip_error import ClipError
 from rfgen_sionna.generative.motion.importers import MOTION_SUFFIXES, load_any_motion
 from rfgen_sionna.generative.motion.joint_recording import record_joints
 from rfgen_sionna.generative.motion.joint_smoothing import LONGEST_GAP
+from rfgen_sionna.generative.person_decisions import material_decision, motion_decision, prompt_decisions
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
 from rfgen_sionna.generative.radar_placement import check_walk_path, place_before_radar, walk_back
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
+from rfgen_sionna.generative.things.prompted_thing import prompted_thing
+from rfgen_sionna.generative.things.thing_catalogue import thing_action, thing_kind
+from rfgen_sionna.generative.things.thing_placement import Thing, build_thing, thing_fields, yaw_of
+from rfgen_sionna.generative.things.thing_prompt import ThingPrompt
 from rfgen_sionna.radar.pose import rotation_matrix
 from rfgen_sionna.records import MeshSequence, Motion
 from rfgen_sionna.scene.mesh_actor import MeshActor
@@ -54,10 +60,14 @@ class Actor(MeshActor):
     """Decisions of an actor from a prompt, each with its origin: prompt, argument, default or seed."""
     residual: JointResidual | None = None
     """Distances of the body's joints from those that it was made from, of an actor from joints."""
+    thing_record: Thing | None = None
+    """Kind, action and parameters of an animal or a thing."""
 
     @property
     def action(self) -> str:
-        """Action of the prompt, or of a motion by this package's sources; "clip: NAME" for another motion."""
+        """Action of the prompt, the thing, or a motion by this package's sources; "clip: NAME" for another one."""
+        if self.thing_record is not None:
+            return self.thing_record.action
         if self.prompt is not None:
             return self.prompt.action
         if self.motion is None or not self.motion.action:
@@ -95,14 +105,14 @@ class Actor(MeshActor):
         floor: float = 0.0,
         motion: str = "kinematic",
     ) -> Actor:
-        """Person from a prompt.
+        """Person, animal or thing from a prompt.
 
         Args:
             prompt: a sentence or keywords, such as "a tall woman walking back and forth, at 4 m", or an interpreted
                 prompt, whose warnings are then not logged again.
             seed: seed of all open choices.
             duration: duration of the motion [s].
-            body: the body; a phenotype is completed from the seed, None takes the prompt's attributes.
+            body: the body; a phenotype is completed from the seed, None takes the prompt's attributes, of a person.
             position: world position of the motion's origin [m]; None takes the prompt's distance (default 3 m) and
                 azimuth in front of the radar, at the height `floor`.
             orientation: (yaw, pitch, roll) [rad]; None faces the radar, turned by the prompt's angle.
@@ -122,13 +132,16 @@ class Actor(MeshActor):
             ImportError: anny (or torch), or for the learned model diffusers, is not installed.
         """
         check_seed(seed)
-        source = source or motion_source(motion)
+        source = source or motion_source("kinematic" if isinstance(prompt, ThingPrompt) else motion)
         if isinstance(prompt, ScenePrompt):
             said = prompt
         else:
             said = read_prompt(prompt, negative, seed=seed, source=source)
             for sentence in said.warnings:
                 _LOG.warning(sentence)
+        if isinstance(said, ThingPrompt):
+            given = {"position": position, "orientation": orientation, "body": body, "material": material}
+            return cls(**prompted_thing(said, given, seed, duration, radar, floor, name))
         words = said.body
         wanted = Phenotype(words.gender, words.age_years, words.height_m, words.weight_kg, words.muscle)
         phenotype = body if isinstance(body, Phenotype) else wanted if body is None else None
@@ -168,9 +181,54 @@ class Actor(MeshActor):
             orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation),
             motion=replace(performed, prompt=said.text), prompt=said, body=rig, phenotype=phenotype,
             decisions=(
-                *prompt_decisions(said, seed, describe(rig), arguments), *way, _origin(source), _material(material),
+                *prompt_decisions(said, seed, describe(rig), arguments), *way, motion_decision(source),
+                material_decision(material),
             ),
         )  # fmt: skip
+
+    @classmethod
+    def thing(
+        cls,
+        kind: str,
+        *,
+        action: str | None = None,
+        seed: int = 0,
+        speed: float | None = None,
+        path: ArrayLike | Drive | None = None,
+        position: ArrayLike | None = None,
+        orientation: ArrayLike | None = None,
+        name: str | None = None,
+        radar: Radar | None = None,
+        **parameters: float,
+    ) -> Actor:
+        """Animal or thing by its name: "dog", "car", "drone", "door", ... (:func:`rfgen_sionna.things` lists them).
+
+        Args:
+            kind: name of a kind.
+            action: one of its actions; None takes its first.
+            seed: seed of size and details.
+            speed: speed of an action that moves [m/s], straight ahead; None takes the usual one.
+            path: points (point, 2) or (point, 3) [m] of its way, from standstill to standstill, or a
+                :class:`~rfgen_sionna.generative.driving.Drive`; it replaces `position` and `orientation`.
+            position, orientation, radar: as in :meth:`from_prompt`, without a prompt; None of `position` is at the
+                usual height of the action.
+            name: name in labels; None takes that of the kind.
+            parameters: values of parameters of the kind, such as turns_per_second.
+
+        Raises:
+            ValueError: an unknown kind, action or parameter, or a value that is not allowed.
+        """
+        check_seed(seed)
+        height = thing_action(thing_kind(kind), action)[1].height
+        place, yaw = place_before_radar(radar, DEFAULT_DISTANCE)
+        at = (*place, height) if position is None else position
+        turned = (yaw, 0.0, 0.0) if orientation is None else orientation
+        built = build_thing(
+            kind, action, seed=seed, speed=speed, path=path, yaw=yaw_of(turned), height=height, values=parameters
+        )
+        if built.trajectory is not None and position is not None:
+            raise ValueError(f"position: {position!r}, but the path gives the places: leave one out")
+        return cls(**thing_fields(built, name, at, turned))
 
     @classmethod
     def from_motion(
@@ -322,13 +380,6 @@ class Actor(MeshActor):
         )  # fmt: skip
 
 
-def _origin(source: MotionSource) -> Decision:
-    name = {"KinematicSource": "kinematic", "DiffusionSource": "diffusion"}.get(type(source).__name__, "given")
-    return Decision(
-        "motion", name, DEFAULT if name == "kinematic" else argument("source" if name == "given" else "motion")
-    )
-
-
 def _check(said: ScenePrompt, duration: float, source: MotionSource) -> None:
     if not (np.isfinite(duration) and duration > 0.0):
         raise ValueError(f"duration: {duration!r} s; allowed is more than 0")
@@ -347,48 +398,3 @@ def _performed(said: ScenePrompt, duration: float, seed: int, skeleton: Skeleton
         said.sentence, duration=duration, seed=seed, negative=said.avoid, skeleton=skeleton, speed=speed,
         action=said.action, arms=said.arms,
     )  # fmt: skip
-
-
-def prompt_decisions(said: ScenePrompt, seed: int, person: Phenotype, given: Mapping[str, Any]) -> list[Decision]:
-    """Decisions of the prompt, with the arguments that replace them and the attributes of the body `person`."""
-    found = []
-    for decision in said.decisions():
-        name = decision.name
-        if name in ("distance", "azimuth") and given["position"] is not None:
-            continue
-        if name == "orientation" and given["orientation"] is not None:
-            decision = _triple(name, given[name], "rad")
-        elif name in _TRAITS:
-            value = getattr(person, name)
-            origin = said.origins.get(name, drawn(seed))
-            body = given["body"]
-            if isinstance(body, Rig) or (body is not None and getattr(body, name) is not None):
-                origin = argument("body")
-            elif body is not None:
-                origin = drawn(seed)
-            decision = Decision(name, "unknown" if value is None else _TRAITS[name](value), origin)
-        found.append(decision)
-    if given["position"] is not None:
-        found.append(_triple("position", given["position"], "m"))
-    return found
-
-
-def _triple(name: str, values: ArrayLike, unit: str) -> Decision:
-    return Decision(name, f"({', '.join(f'{x:g}' for x in np.ravel(values))}) {unit}", argument(name))
-
-
-def _material(material: str) -> Decision:
-    return Decision("material", material, DEFAULT if material == "skin" else argument("material"))
-
-
-def _gender(value: float) -> str:
-    return {0.0: "male", 1.0: "female"}.get(value, f"{value:.2f} from male to female")
-
-
-_TRAITS: Mapping[str, Callable[[Any], str]] = {
-    "gender": _gender,
-    "age": lambda value: f"{value:.0f} years",
-    "height": lambda value: f"{value:.2f} m",
-    "weight": lambda value: f"{value:.0f} kg",
-    "muscle": lambda value: f"{value:.2f} (0 to 1)",
-}

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rfgen_sionna.generative.actor import Actor, prompt_decisions
+from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.bodies import Phenotype, describe
 from rfgen_sionna.generative.decisions import Decision, argument
+from rfgen_sionna.generative.person_decisions import prompt_decisions
 from rfgen_sionna.generative.phrases import read_wanted
 from rfgen_sionna.generative.prompts import (
     CLIP,

@@ -19,6 +19,7 @@ from rfgen_sionna.generative.motion.motion_source import PromptReading
 from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
 from rfgen_sionna.generative.prompts import ScenePrompt, SourceReading, UnreadActionError, forbidden, parse_prompt
 from rfgen_sionna.generative.text_reader import AFTERWARDS, normalise, split_negative
+from rfgen_sionna.generative.things.thing_prompt import read_thing
 
 NEAREST = "the nearest that is known"
 """Origin of a replacement of an unknown action."""
@@ -66,7 +67,8 @@ def motion_source(name: str) -> MotionSource:
 def read_prompt(
     prompt: str, negative: str = "", *, seed: int = 0, source: MotionSource | str = "kinematic"
 ) -> ScenePrompt:
-    """Interpret a prompt by the grammar, and by the motion source if the grammar leaves the action or words open.
+    """Interpret a prompt: about an animal or a thing by its patterns (:class:`ThingPrompt`), about a person by the
+    grammar, and by the motion source if the grammar leaves the action or words open.
 
     Args:
         prompt, negative, seed: as for :func:`~rfgen_sionna.generative.prompts.parse_prompt`.
@@ -77,6 +79,9 @@ def read_prompt(
         ValueError: the seed or the name is invalid.
         ImportError, FileNotFoundError: the learned model is needed and missing.
     """
+    thing = read_thing(prompt, negative, seed=seed)
+    if thing is not None:
+        return thing
     try:
         said = parse_prompt(prompt, negative, seed=seed)
     except UnreadActionError as error:

@@ -146,15 +146,21 @@ class MeshActor(ShortRepr):
 
     def _facts(self) -> Iterable[str]:
         yield short_value(self.name)
-        yield f"material {self.properties.name!r}"
+        yield f"material {self.material_names}"
         yield f"{len(self.sequence.vertices(0.0))} vertices, {len(self.faces)} faces"
         yield f"{len(self.part_names)} parts" if len(self.part_names) > 1 else ""
         yield f"{len(self.joint_names)} joints" if self.joint_names else ""
         yield f"action {self.action!r}" if self.action else ""
-        yield "rigid" if math.isinf(self.duration) else f"moves for {self.duration:.4g} s"
+        endless = "rigid" if isinstance(self.sequence, RigidMesh) else "moves"
+        yield endless if math.isinf(self.duration) else f"moves for {self.duration:.4g} s"
         yield "on a trajectory" if self.trajectory is not None else f"at {short_vector(self.position)} m"
         yield f"yaw, pitch, roll {short_vector(np.degrees(self.orientation))}°" if any(self.orientation) else ""
         yield f"velocity {short_vector(self.velocity)} m/s" if any(self.velocity) else ""
+
+    @property
+    def material_names(self) -> str:
+        """Names of the materials: "metal, glass"."""
+        return ", ".join(dict.fromkeys(each.name for each in self.materials))
 
     @property
     def properties(self) -> Material:

@@ -1,5 +1,8 @@
 """Bodies of animals: sections along the joints of their clips, by eye from anatomical drawings."""
 
+# Tables of patterns and sizes read best with one entry to a line.
+# ruff: noqa: E501
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -41,8 +44,8 @@ _TAIL = ("Tail_Mid", "Tail_Mid.001", "Tail_End", "Tail_Tip")
 CAT = replace(
     DOG,
     changes={
-        **{name: ("Tail_Base", 1.35) for name in _TAIL},
-        **{name: ("Head", 0.55) for name in ("Nose", "Head.tip")},
+        **dict.fromkeys(_TAIL, ("Tail_Base", 1.35)),
+        **dict.fromkeys(("Nose", "Head.tip"), ("Head", 0.55)),
         "Ear_Tip_L": ("Ear_L", 0.8), "Ear_Tip_R": ("Ear_R", 0.8),
     },
     tubes=[

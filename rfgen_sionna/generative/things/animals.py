@@ -10,9 +10,9 @@ import numpy as np
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.things.animal_clips import AnimalClip, animal_clips
 from rfgen_sionna.generative.things.articulated import ArticulatedSequence, ThingPart
+from rfgen_sionna.generative.things.generalized_cylinders import TubePath, tube
 from rfgen_sionna.generative.things.part_motion import Curve
 from rfgen_sionna.generative.things.thing_kind import BuildRequest
-from rfgen_sionna.generative.things.tubes import TubePath, tube
 from rfgen_sionna.scene.materials import material
 
 
@@ -97,7 +97,7 @@ class Pace:
         return self.start + self.rate * (t if self.travelled is None else self.travelled(t))
 
 
-def usual_speed(body: AnimalBody, action: str, size: float) -> float:
+def froude_speed(body: AnimalBody, action: str, size: float) -> float:
     """Speed of a gait [m/s] at a size [m]: as the root of the length, at equal Froude number."""
     return animal_clips()[body.clips, action].forward_speed * float(np.sqrt(size / body.size))
 
@@ -153,10 +153,10 @@ def animal(
                 for name, weight in way.items():
                     across[row, index[name]] += weight
         factor = scale * girth
+        deep = None if each.deep is None else [factor * d for d in each.deep]
         widest = max(max(each.wide), max(each.deep or (0.0,)))
         made = tube(
-            points, rest, [factor * w for w in each.wide], None if each.deep is None else [factor * d for d in each.deep],
-            across=across, step=0.5 * factor * max(widest, 0.03), sides=14 if widest < 0.08 * body.size else 28,
+            points, rest, [factor * w for w in each.wide], deep, across=across, step=0.5 * factor * max(widest, 0.03), sides=14 if widest < 0.08 * body.size else 28,
         )  # fmt: skip
         parts.append(ThingPart(each.part, TubePath(made, motion), made.faces, skin))
     return ArticulatedSequence(parts, clip.joint_names, motion)

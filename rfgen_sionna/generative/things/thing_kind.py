@@ -42,6 +42,8 @@ class ThingAction:
     """Usual speed over the ground [m/s]; 0 stays in place."""
     fastest: float = 0.0
     """Largest speed over the ground [m/s]."""
+    height: float = 0.0
+    """Usual height of its origin over the floor [m]."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,8 @@ class ThingKind:
     """The first one is the default."""
     build: Callable[[BuildRequest], ArticulatedSequence]
     parameters: Mapping[str, ThingParameter] = field(default_factory=dict)
-    height: float = 0.0
-    """Usual height over the floor [m], of things in the air or on stands."""
+    alone: str = ""
+    """Action of a prompt without one; empty is "stand", else the first."""
 
     def values(self, given: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:
         """Value of each parameter: given, or drawn.

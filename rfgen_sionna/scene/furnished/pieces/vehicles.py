@@ -19,7 +19,6 @@ from rfgen_sionna.scene.furnished.shapes import (
     ring,
 )
 
-
 WHEEL_RADIUS, WHEEL_WIDTH = 0.32, 0.2
 """Of cars [m]."""
 
