@@ -18,7 +18,7 @@ from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.mesh_files import MESH_SUFFIXES
 from rfgen_sionna.scene.mitsuba_file import scene_materials
 from rfgen_sionna.scene.permittivity import Outside
-from rfgen_sionna.scene.scene import RadarScene
+from rfgen_sionna.scene.scene import RadarScene, read_description
 from rfgen_sionna.scene.scene_errors import SceneError, SceneFileNotFoundError
 
 SCENE_SUFFIXES = (".xml", *MESH_SUFFIXES)
@@ -45,7 +45,8 @@ def load_scene(
         scene: name of a scene (`available_scenes()`), path of a Mitsuba XML file with Sionna's material conventions or
             of a mesh file (OBJ, glTF, PLY, STL, OFF), a `sionna.rt.Scene` (its ITU materials are retuned in place), a
             `RadarScene` (returned unchanged), or None for free space. A `.toml` file of the same name as a scene file
-            may give the free space of a room: `scenes/living_room/scene.toml`.
+            may give the free space of a room (`scenes/living_room/scene.toml`), and the arguments below: a table
+            `[materials]`, `default_material`, `up`, `scale`.
         frequency: carrier frequency of the Sionna scene [Hz]; None leaves its own.
         outside: policy at frequencies that a material's source does not cover: "extrapolate" and "clamp" warn, "raise"
             is an error.
@@ -66,20 +67,20 @@ def load_scene(
     """
     if frequency is not None and not (np.isfinite(frequency) and frequency > 0.0):
         raise ValueError(f"frequency: {frequency!r} given, a positive value [Hz] is needed")
-    of_file = {"materials": materials, "default_material": default_material, "up": up, "scale": scale}
+    of_file: dict[str, Any] = {"materials": materials, "default_material": default_material, "up": up, "scale": scale}
     path = _find(scene) if isinstance(scene, (str, os.PathLike)) else None
+    if path is not None:
+        beside = read_description(path.with_suffix(".toml"))
+        of_file = {name: beside.get(name) if given is None else given for name, given in of_file.items()}
     if path is not None and path.suffix.lower() in MESH_SUFFIXES:
-        return MeshScene(
-            path, materials=materials, default_material=default_material, up=up, scale=scale, frequency=frequency,
-            outside=outside,
-        )  # fmt: skip
+        return MeshScene(path, frequency=frequency, outside=outside, **of_file)
     without = ("materials", "default_material", "up", "scale") if path is None else ("up", "scale")
     if idle := [name for name in without if of_file[name] is not None]:
         kind = "files" if path is None else "mesh files; a Mitsuba scene is in metres with z up"
         raise ValueError(f"{', '.join(idle)}: only scenes of {kind} take it, leave it out")
     if path is not None:
         name = path.parent.name if path.name == "scene.xml" else path.stem
-        chosen = scene_materials(path, materials or {}, default_material, outside)
+        chosen = scene_materials(path, of_file["materials"] or {}, of_file["default_material"], outside)
         return RadarScene(name, path, frequency=frequency, outside=outside, materials=chosen)
     if scene is None:
         return RadarScene("free space", frequency=frequency, outside=outside)

@@ -22,6 +22,12 @@ from rfgen_sionna.scene.mitsuba_file import exact_mesh, shapes_by_name
 from rfgen_sionna.scene.permittivity import Outside
 from rfgen_sionna.scene.scene_errors import MaterialError, SceneError
 
+_DESCRIPTION = (
+    "allowed are tables [[interior]] with low = [x, y, z] and high = [x, y, z], low below high, a table [materials], "
+    "default_material, up and scale"
+)
+"""Contents of the TOML file beside a scene file."""
+
 
 @dataclass(frozen=True)
 class Interior:
@@ -42,25 +48,46 @@ class Interior:
         )
 
 
-def read_interior(path: Path) -> Interior:
-    """Interior of a scene from a TOML file of tables `[[interior]]` with `low` and `high` corners [m].
+def read_interior(path: Path) -> Interior | None:
+    """Interior of a scene from a TOML file of tables `[[interior]]` with `low` and `high` corners [m]; None without.
 
     Raises
     ------
     SceneError
-        The file has anything else, or a box without volume.
+        The tables have anything else, or a box without volume.
     """
-    wanted = "tables [[interior]] with low = [x, y, z] and high = [x, y, z], low below high, and nothing else"
+    boxes = read_description(path).get("interior")
+    if boxes is None:
+        return None
     try:
-        held = tomllib.loads(path.read_text(encoding="utf-8"))
-        if set(held) != {"interior"} or any(set(box) != {"low", "high"} for box in held["interior"]):
-            raise ValueError(f"it has {', '.join(held)}")
-        low, high = (np.array([box[end] for box in held["interior"]], np.float64) for end in ("low", "high"))
+        if any(set(box) != {"low", "high"} for box in boxes):
+            raise ValueError(f"interior has {', '.join(dict.fromkeys(key for box in boxes for key in box))}")
+        low, high = (np.array([box[end] for box in boxes], np.float64) for end in ("low", "high"))
         if low.shape[1:] != (3,) or high.shape != low.shape or not (low < high).all():
             raise ValueError(f"low is {low.tolist()} and high {high.tolist()}")
-    except (ValueError, TypeError) as error:  # errors of TOML and Unicode are ValueErrors
-        raise SceneError(f"scene description {path.name!r}: {error}; allowed are {wanted}") from error
+    except (ValueError, TypeError) as error:
+        raise SceneError(f"scene description {path.name!r}: {error}; {_DESCRIPTION}") from error
     return Interior(low, high)
+
+
+def read_description(path: Path) -> dict[str, Any]:
+    """Contents of the TOML file beside a scene file: `interior`, and arguments of
+    :func:`~rfgen_sionna.scene.load.load_scene`; empty if there is no file.
+
+    Raises
+    ------
+    SceneError
+        The file is no TOML, or has other keys.
+    """
+    if not path.is_file():
+        return {}
+    try:
+        held = tomllib.loads(path.read_text(encoding="utf-8"))
+        if other := [key for key in held if key not in ("interior", "materials", "default_material", "up", "scale")]:
+            raise ValueError(f"it has {', '.join(other)}")
+    except ValueError as error:  # errors of TOML and Unicode are ValueErrors
+        raise SceneError(f"scene description {path.name!r}: {error}; {_DESCRIPTION}") from error
+    return held
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,8 +150,7 @@ class RadarScene:
         Raises:
             SceneError: the file cannot be used.
         """
-        file = None if self.path is None else self.path.with_suffix(".toml")
-        return None if file is None or not file.is_file() else read_interior(file)
+        return None if self.path is None else read_interior(self.path.with_suffix(".toml"))
 
     @cached_property
     def sionna(self) -> Any:

@@ -255,3 +255,24 @@ def test_sionnas_own_solvers_far_from_the_origin_are_told(tmp_path: Path) -> Non
     radar = rfgen.Radar.load("awr1843", position=(x, y, z + 1.0), look_at=(x + 3.0, y, z + 1.0))
     with pytest.warns(UserWarning, match=r"5335012\.61 m from the origin, where .* 32-bit floats .* are 0\.5 m apart"):
         add_radar(scene, radar)
+
+
+def test_a_file_beside_the_scene_gives_what_a_command_line_cannot(room: Path) -> None:
+    beside = room.with_suffix(".toml")
+    beside.write_text(
+        '[materials]\n"Mat.001" = "wood"\n[[interior]]\nlow = [-5.0, -5.0, 0.0]\nhigh = [5.0, 5.0, 3.0]\n'
+    )
+    scene = rfgen.load_scene(room)
+    assert scene.objects[0].material == "wood"
+    assert scene.interior is not None
+    assert scene.interior.contains((0, 0, 1))
+    assert rfgen.load_scene(room, materials={"Mat.001": "marble"}).objects[0].material == "marble"
+    beside.write_text('default_material = "wood"\nup = "z"\nscale = 0.5\n')
+    small = rfgen.load_scene(room)
+    assert small.interior is None
+    np.testing.assert_allclose(np.ptp(small.objects[0].vertices, axis=0), [5.0, 0.05, 5.0], atol=1e-6)
+    beside.write_text('roof = "wood"\n')
+    with pytest.raises(
+        SceneError, match=r"room\.toml': it has roof; allowed are tables \[\[interior\]\] .* \[materials\]"
+    ):
+        rfgen.load_scene(room)
