@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -171,6 +172,10 @@ def _cube(capture: Capture, skip_lost: bool) -> AdcCube:
     from rfgen_sionna.records import AdcCube
     from rfgen_sionna.signal.formats import CaptureFormatError
 
+    if capture.lost and not skip_lost:
+        warnings.warn(
+            f"samples of {len(capture.lost)} frames are lost (zeros); --skip-lost leaves them out", stacklevel=2
+        )
     kept = capture.complete_frames if skip_lost else tuple(range(len(capture)))
     if not kept:
         raise CaptureFormatError(f"'{capture.paths[0]}': samples of every frame are lost; leave --skip-lost out")

@@ -116,7 +116,7 @@ class CapturedRun:
         so that a tone at full scale has 1 mW."""
         if isinstance(frames, slice):
             return np.stack([self[int(frame)] for frame in range(len(self))[frames]])
-        samples = self.capture.frame(int(frames))
+        samples = self.capture.adc[int(frames)]
         if self.capture.scale is not None:
             return samples
         peak = np.sqrt(2.0) if self.radar.adc.real else 1.0

@@ -63,7 +63,7 @@ def test_show_draws_a_capture_in_the_current_folder(tmp_path: Path, monkeypatch:
     assert "exists and is kept" in run("show", folder)
 
 
-@pytest.mark.filterwarnings("ignore::rfgen_sionna.signal.formats.CaptureWarning")
+@pytest.mark.filterwarnings("ignore::rfgen_sionna.signal.formats.CaptureWarning", "ignore:samples of 1 frames are lost")
 def test_export_of_a_capture(board: Path, tmp_path: Path) -> None:
     """Without a scale the words stay what they are."""
     out = run("export", board, "--radar", "awr1843", "--format", "matlab", "--output", tmp_path / "a.mat")

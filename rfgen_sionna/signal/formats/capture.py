@@ -100,7 +100,16 @@ class Capture(ShortRepr):
         return np.asarray(self._read(frame % len(self)), dtype=self.radar.sample_type)
 
     def frame(self, frame: int) -> NDArray[Any]:
-        """(chirp, tx, rx, sample) of frame `frame` in sqrt(W), or in LSB where `scale` is None."""
+        """(chirp, tx, rx, sample) of frame `frame` in sqrt(W), or in LSB where `scale` is None. Lost samples are a
+        :class:`CaptureWarning`."""
+        samples = self._scaled(frame)
+        loss = self._loss(frame % len(self), samples)
+        if loss is not None and not (self._is_ours and loss.share == 1.0):
+            message = f"'{self.paths[0]}': samples are lost (zeros): {loss}; capture.complete_frames are the others"
+            warnings.warn(message, CaptureWarning, stacklevel=2)
+        return samples
+
+    def _scaled(self, frame: int) -> NDArray[Any]:
         samples = self.lsb(frame)
         if self.scale is not None and self.scale != 1.0:
             samples = samples * np.float32(self.scale)
@@ -120,6 +129,11 @@ class Capture(ShortRepr):
 
     def _loss(self, frame: int, samples: NDArray[Any]) -> Loss | None:
         return None if self._order is None else find_loss(frame, samples, self.radar, self._order)
+
+    @property
+    def _is_ours(self) -> bool:
+        """Whether a sidecar of this package was read: frames of zeros may be a simulation of nothing."""
+        return any(file.name.endswith((".rfgen", ".rfgen.json")) and file.is_file() for file in self.configs)
 
     @property
     def complete_frames(self) -> tuple[int, ...]:
@@ -142,15 +156,13 @@ class Capture(ShortRepr):
         kept: list[int] = []
         lost: list[Loss] = []
         for frame in chosen:
-            data[len(kept)] = samples = self.frame(frame)
+            data[len(kept)] = samples = self._scaled(frame)
             loss = self._loss(frame, samples)
             if loss is not None:
                 lost.append(loss)
             if loss is None or not skip_lost:
                 kept.append(frame)
-        ours = any(file.name.endswith((".rfgen", ".rfgen.json")) and file.is_file() for file in self.configs)
-        silent = ours and len(lost) == len(chosen) and all(loss.share == 1.0 for loss in lost)
-        if silent:  # a simulation of nothing
+        if self._is_ours and len(lost) == len(chosen) and all(loss.share == 1.0 for loss in lost):
             lost, kept = [], list(chosen)
         if lost and not kept:
             raise CaptureFormatError(f"'{self.paths[0]}': {summary(lost, len(chosen))}; no frame is complete")
@@ -162,7 +174,7 @@ class Capture(ShortRepr):
 
 @dataclass(frozen=True, eq=False)
 class CaptureFrames:
-    """Samples of some frames of a capture, read on access."""
+    """Samples of some frames of a capture, read on access, lost ones as zeros without a warning."""
 
     capture: Capture
     numbers: tuple[int, ...]
@@ -193,5 +205,5 @@ class CaptureFrames:
     def __getitem__(self, frames: int | slice) -> NDArray[Any]:
         """Samples of one frame, or of several, stacked."""
         if isinstance(frames, slice):
-            return np.stack([self.capture.frame(number) for number in self.numbers[frames]])
-        return self.capture.frame(self.numbers[frames])
+            return np.stack([self.capture._scaled(number) for number in self.numbers[frames]])
+        return self.capture._scaled(self.numbers[frames])

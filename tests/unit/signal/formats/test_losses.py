@@ -88,6 +88,8 @@ def test_lost_frames_are_named_and_left_out_on_request(tmp_path: Path, radar: Ra
     assert "2 of 4 frames are lost (zeros): frame 1: all; frame 3: 1.5 %, in chirps 0, TX2, RX1, RX2, RX3;" in message
     assert "skip_lost=True leaves these frames out" in message
     assert not whole.data[1].any()
+    with pytest.warns(CaptureWarning, match=r"samples are lost \(zeros\): frame 3: 1\.5 %"):
+        open_capture(tmp_path, radar=radar).frame(-1)
     with pytest.warns(CaptureWarning, match="declares no scale"):
         part = read_capture(tmp_path, radar=radar, skip_lost=True)
     np.testing.assert_array_equal(part.data, whole.data[[0, 2]])
