@@ -60,7 +60,7 @@ class MeshScene(ArrayScene):
     """Scene of a mesh file, with an object for each object and material of the file.
 
     Args:
-        path: OBJ, glTF, PLY, STL or OFF file.
+        path: OBJ, glTF, PLY, STL or OFF file; colours and textures have no effect.
         materials: materials by names of materials or objects in the file; others must be names of materials.
         default_material: material of all other parts; None refuses them.
         up, scale: up axis, and metres per unit, as of :func:`~rfgen_sionna.scene.mesh_files.read_mesh_parts`.

@@ -99,6 +99,7 @@ class MeshActor(ShortRepr):
 
         Args:
             mesh: `trimesh.Trimesh`, `trimesh.Scene`, path of a file that trimesh reads, or a pair (vertices, faces).
+                Colours and textures have no effect.
             material: a material or its name, for the whole mesh; or a mapping from names of materials or objects in the
                 file to materials: `{"paint": "metal", "window": "glass"}`. Without it, materials (else objects) in the
                 file with names of :data:`rfgen_sionna.scene.MATERIALS` are those.
