@@ -242,7 +242,7 @@ def choices() -> str:
     """List of the materials and their ranges, and how to make others."""
     names = ", ".join(f"{name} ({each.describe_ranges()})" for name, each in sorted(MATERIALS.items()))
     own = "rfgen_sionna.material('my_resin', permittivity=2.9, loss_tangent=0.02) makes an own one"
-    return f"known are {names}; {own}"
+    return f"{own}; known are {names}"
 
 
 def warn_uncovered(materials: list[Material], frequency: float, stacklevel: int = 2) -> None:

@@ -48,7 +48,7 @@ def test_vertices_keep_micrometres_10_km_away():
 
 
 def test_a_mesh_without_a_material_is_told_what_there_is():
-    with pytest.raises(MaterialError, match=r"crate: no material given; known are .*skin \("):
+    with pytest.raises(MaterialError, match=r"crate: no material given; .*known are .*skin \("):
         MeshActor.from_mesh(BOX, name="crate")
 
 
@@ -58,9 +58,9 @@ def test_a_mesh_without_a_material_is_told_what_there_is():
         (
             {"material": "stell"},
             MaterialError,
-            r"crate: unknown material 'stell', did you mean 'steel'\?; known are .*skin",
+            r"crate: unknown material 'stell', did you mean 'steel'\?; .*known are .*skin",
         ),
-        ({"material": ""}, MaterialError, "crate: no material given; known are"),
+        ({"material": ""}, MaterialError, "crate: no material given; .*known are"),
         ({"material": None}, TypeError, "name of a material"),
         ({"position": (1, 2)}, ValueError, r"crate: position is \(1, 2\)"),
         ({"velocity": (np.nan, 0, 0)}, ValueError, "crate: velocity"),

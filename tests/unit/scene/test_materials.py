@@ -342,7 +342,8 @@ def test_hints_go_by_the_meaning(word, meant):
 
 def test_a_word_without_a_meaning_gets_the_recipe_of_an_own_material():
     with pytest.raises(
-        MaterialError, match=r"unknown material 'zorp'; known are .*material\('my_resin', permittivity="
+        MaterialError,
+        match=r"'zorp'; rfgen_sionna\.material\('my_resin', permittivity=.*; known are abs",
     ):
         material("zorp")
 
