@@ -15,6 +15,7 @@ from rfgen_sionna.generative.motion.clip_error import ClipError
 from rfgen_sionna.generative.motion.inverse_kinematics import motion_of_positions
 from rfgen_sionna.generative.motion.joint_files import MDM_RATE, mdm_motion
 from rfgen_sionna.generative.motion.joint_recording import check_size, upright_rotation
+from rfgen_sionna.generative.motion.joint_smoothing import smooth_paths
 from rfgen_sionna.generative.motion.loaders import chosen_rate, load_motion, recentred
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS, forward_kinematics, global_rotations
@@ -116,11 +117,16 @@ def _load_npy(path: Path, up: str | None, frame_rate: float | None, index: int, 
             )
     if not np.size(positions) or not np.isfinite(positions).all():
         raise ClipError(f"{path.name}: no frames, or values that are not finite")
-    rate = chosen_rate(path.name, MDM_RATE, frame_rate)
+    raw = isinstance(data, np.ndarray) and data.ndim == 3
+    rate = chosen_rate(path.name, None if raw and frame_rate else MDM_RATE, frame_rate)
     names = JOINT_NAMES[:NUM_BODY_JOINTS]
     places = np.asarray(positions, np.float64)
     check_size(path.name, places, names)
     places = places @ upright_rotation(path.name, places, names, up or "y").T
+    if len(places) > 4:
+        # noise of a centimetre would let straight knees jump where planted feet are held
+        _, smooth, fine = smooth_paths(np.arange(len(places)) / rate, places, np.ones(places.shape[:2]), names)
+        places = smooth[:: round(fine / rate)][: len(places)]
     return from_start(motion_of_positions(places, rate, action=action, prompt=prompt))
 
 

@@ -27,7 +27,11 @@ _LEAST_RATE = 30.0
 
 
 def smooth_paths(
-    times: FloatArray, positions: FloatArray, weights: FloatArray, names: Sequence[str], longest_gap: float
+    times: FloatArray,
+    positions: FloatArray,
+    weights: FloatArray,
+    names: Sequence[str],
+    longest_gap: float = LONGEST_GAP,
 ) -> tuple[FloatArray, FloatArray, float]:
     """Smoothing splines through joint positions, at a uniform rate.
 

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -272,6 +273,15 @@ def test_the_report_names_what_arguments_replace(rig):
     mesh = Actor.from_motion(actor.motion, body=rig)
     with pytest.raises(ValueError, match="has no prompt"):
         mesh.report()
+
+
+def test_a_motion_elsewhere_stays_there_on_another_body(rig):
+    """Steps scale with the legs, the place does not."""
+    motion = KinematicSource(20.0)("standing", 1.0, 1)
+    there = replace(motion, translation=motion.translation + np.array([5.0, -3.0, 0.0]))
+    taller = replace(there, offsets=1.2 * there.offsets)
+    at = Actor.from_motion(taller, body=rig, position=(0, 0, 0), orientation=(0, 0, 0)).joints(0.5)[JOINT["pelvis"]]
+    np.testing.assert_allclose(at[:2], [5.0, -3.0], atol=0.05)
 
 
 def test_bad_prompts_and_durations_fail_before_the_body_is_built():

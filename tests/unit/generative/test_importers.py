@@ -106,7 +106,7 @@ def test_humanml_features_give_the_walk_back(tmp_path: Path) -> None:
     assert np.abs(back - (places[:-1] - start)).max() < 1e-9
     np.save(tmp_path / "clip.npy", rows)
     motion = load_any_motion(tmp_path / "clip.npy", action="walk")
-    assert np.abs(shape(joints(motion)) - shape(joints(WALK)[:-1])).max() < 0.03
+    assert np.abs(shape(joints(motion)) - shape(joints(WALK)[:-1])).max() < 0.04
     assert motion.frame_rate == 20.0
 
 

@@ -95,6 +95,15 @@ def test_nothing_moves_faster_than_the_person_did(body: Rig, action: str) -> Non
         assert fastest < 1.2 * own + 0.06, name
 
 
+def test_noisy_positions_on_any_body_keep_their_knees_still(body: Rig, tmp_path: Path) -> None:
+    """Of somebody who stands, recorded with a noise of a centimetre and put on another body, whose feet are held."""
+    np.save(tmp_path / "standing.npy", recorded("standing", noise=0.01)[::2] @ Y_UP.T)
+    actor = Actor.from_motion(tmp_path / "standing.npy", frame_rate=0.5 * RATE, body=body)
+    at = joints_of(actor, np.arange(0.0, actor.sequence.duration, 1.0 / 60.0))
+    shins = [JOINT[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
+    assert speeds(at[:, shins], 60.0).max() < 0.33
+
+
 def test_bones_have_the_recorded_lengths(body: Rig) -> None:
     true = recorded("jumping_jacks")
     # another left upper arm than right one
