@@ -29,6 +29,7 @@ from rfgen_sionna.generative.motion import MotionSource
 from rfgen_sionna.generative.prompts import DECIDED, DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
 from rfgen_sionna.generative.radar_placement import place_before_radar
 from rfgen_sionna.generative.sentences import motion_source, read_prompt
+from rfgen_sionna.generative.things.thing_catalogue import bounces_of
 from rfgen_sionna.options import check_actors, check_options, check_size, chosen_duration, chosen_view, default_output
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.recording import ImageView, Progress, run_info, run_plan, write_run
@@ -149,7 +150,7 @@ def generate(
         "perspective", or "equirectangular" (azimuth and elevation evenly) for those images.
     max_bounces, transmission
         Largest number of surfaces on a path, and whether walls and glass transmit, as in
-        :class:`~rfgen_sionna.simulation.Simulator`.
+        :class:`~rfgen_sionna.simulation.Simulator`. A corner reflector of the catalogue of things raises it to 3.
     motion
         Source of the motion: "kinematic" (rules of movement), "diffusion" (the learned model) or "auto", the learned
         model where its packages are installed. Or a clip that replaces the action of the prompt: a Motion, or a file or
@@ -253,11 +254,20 @@ def generate(
         projection=projection,
     )
     scene = setting.scene
-    traced: dict[str, Any] = {"rtol": rtol, "max_bounces": max_bounces, "transmission": transmission}
+    kinds = [each.thing_record.kind for each in others if isinstance(each, Actor) and each.thing_record]
+    needed = max(map(bounces_of, [*kinds, said.target if said else ""]))
+    corners = max_bounces is not None and max_bounces < needed
+    traced: dict[str, Any] = {
+        "rtol": rtol,
+        "max_bounces": needed if corners else max_bounces,
+        "transmission": transmission,
+    }
     traced["outside"] = outside
     Simulator(scene, radar, others, **traced)
 
     decisions = list(setting.decisions)
+    if corners:
+        decisions.append(Decision("max_bounces", str(needed), "the corner reflector returns by so many"))
     person: Actor | None = None
     if said is not None and spot is not None:
         found = floor_under(scene, (*spot, float(radar.position[2])))

@@ -156,7 +156,13 @@ def animal(
         deep = None if each.deep is None else [factor * d for d in each.deep]
         widest = max(max(each.wide), max(each.deep or (0.0,)))
         made = tube(
-            points, rest, [factor * w for w in each.wide], deep, across=across, step=0.5 * factor * max(widest, 0.03), sides=14 if widest < 0.08 * body.size else 28,
-        )  # fmt: skip
+            points,
+            rest,
+            [factor * w for w in each.wide],
+            deep,
+            across=across,
+            step=0.5 * factor * max(widest, 0.03),
+            sides=14 if widest < 0.08 * body.size else 28,
+        )
         parts.append(ThingPart(each.part, TubePath(made, motion), made.faces, skin))
     return ArticulatedSequence(parts, clip.joint_names, motion)

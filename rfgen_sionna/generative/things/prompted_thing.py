@@ -67,6 +67,9 @@ def prompted_thing(
         raise PromptError(str(error)) from error
     if said.speed is not None:
         speed = min(speed * said.speed, does.fastest)
+    usual = said.speed_mps is None and said.speed is None
+    if usual and speed > 0.0:
+        speed = min(speed * float(np.random.default_rng([seed, 55]).uniform(0.85, 1.15)), does.fastest)
     travel = speed * duration
     way = said.way
     if does.speed > 0.0 and way in ("", "past") and said.orientation_deg is None:
@@ -80,6 +83,7 @@ def prompted_thing(
     yaw = facing + _TURNS.get(way, 0.0) + float(np.radians(said.orientation_deg or 0.0))
     if given["orientation"] is not None:
         yaw = yaw_of(given["orientation"])
+    yaw = float(np.arctan2(np.sin(yaw), np.cos(yaw)))
     ahead = np.array([np.cos(yaw), np.sin(yaw)])
     start = np.asarray(place) - (0.5 * travel * ahead if way in ("left", "right") else 0.0)
     height = does.height if said.height_m is None else said.height_m
@@ -102,13 +106,13 @@ def prompted_thing(
     if given["position"] is None:
         rows.append(Decision("distance", f"{distance:.3g} m", said.origins.get("distance", DEFAULT)))
         rows.append(Decision("azimuth", f"{said.bearing_deg or 0.0:g}°", origin("azimuth")))
-        rows.append(Decision("height", f"{height:g} m over the floor", origin("height")))
+        rows.append(Decision("altitude", f"{height:g} m over the floor", origin("height")))
     else:
         rows.append(Decision("position", ", ".join(f"{x:g}" for x in position) + " m", argument("position")))
     if does.speed > 0.0:
         if way:
             rows.append(Decision("way", _WAY_TEXTS[way], way_origin(said, seed)))
-        rows.append(Decision("speed", f"{speed:.3g} m/s", origin("speed")))
+        rows.append(Decision("speed", f"{speed:.3g} m/s", drawn(seed) if usual else PROMPT))
     else:
         rows.append(
             Decision("orientation", f"{said.orientation_deg or 0.0:g}° from facing the radar", origin("orientation"))
@@ -138,6 +142,6 @@ def _check_way(
         fits = f"at most {room / speed:.1f} s fit there, or " if room > 0.1 * speed else ""
         raise PromptError(
             f"distance: the {said.target} goes {travel:.1f} m at {speed:g} m/s and comes to "
-            f"{max(clear, 0.0):.1f} m from the radar; {CLEARANCE:g} m must stay free: {fits}take a distance of at least "
-            f"{np.ceil(10.0 * (travel + extent + CLEARANCE)) / 10.0:g} m, or a lower speed"
+            f"{max(clear, 0.0):.1f} m from the radar; {CLEARANCE:g} m must stay free: {fits}take a distance of at "
+            f"least {np.ceil(10.0 * (travel + extent + CLEARANCE)) / 10.0:g} m, or a lower speed"
         )

@@ -145,6 +145,7 @@ KINDS = (
         },
         _reflector,
         {"edge": ThingParameter("inner edge [m]", (0.10, 0.10), (0.02, 1.0), r"(?:of |with |edges? of )*(?P<value><n>) (?P<unit>cm|centimet(?:re|er)s?)(?: edges?)?")},
+        bounces=3,
     ),
 )  # fmt: skip
 """Things that are pushed or set up."""

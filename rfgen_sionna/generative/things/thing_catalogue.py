@@ -53,3 +53,8 @@ def thing_action(kind: ThingKind, action: str | None) -> tuple[str, ThingAction]
     if action not in kind.actions:
         raise ValueError(f"action: {action!r} is none of a {kind.name}; it has {', '.join(kind.actions)}")
     return action, kind.actions[action]
+
+
+def bounces_of(name: str) -> int:
+    """Surfaces on the paths of the return of a kind; 1 for anything else."""
+    return THINGS[name].bounces if name in THINGS else 1

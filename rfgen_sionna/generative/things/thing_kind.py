@@ -72,6 +72,8 @@ class ThingKind:
     """The first one is the default."""
     build: Callable[[BuildRequest], ArticulatedSequence]
     parameters: Mapping[str, ThingParameter] = field(default_factory=dict)
+    bounces: int = 1
+    """Surfaces on the paths of its return."""
     alone: str = ""
     """Action of a prompt without one; empty is "stand", else the first."""
 

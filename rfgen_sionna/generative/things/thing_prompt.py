@@ -41,7 +41,7 @@ class ThingPrompt(ScenePrompt):
         """Decisions by words and defaults."""
         kind = THINGS[self.target]
         rows = [
-            ("target", f"{self.target}: {kind.description}"),
+            ("target", kind.description),
             ("action", f"{self.action}: {kind.actions[self.action].description}"),
             ("surroundings", self.surroundings or NOWHERE),
         ]
