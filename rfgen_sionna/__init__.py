@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rfgen_sionna.dataset import open_run as open_run
     from rfgen_sionna.generative.actor import Actor as Actor
+    from rfgen_sionna.generative.things.thing_catalogue import things as things
     from rfgen_sionna.pipeline import generate as generate
     from rfgen_sionna.radar import Radar as Radar
     from rfgen_sionna.recording import record as record
@@ -50,6 +51,7 @@ _HOMES = {
     "open_run": "dataset",
     "rcs": "tracing.radar_cross_section",
     "record": "recording",
+    "things": "generative.things.thing_catalogue",
 }
 """Public name -> module that defines it."""
 

@@ -1,4 +1,5 @@
-"""Command line: `rfgen generate`, `rfgen radars`, `rfgen show`, `rfgen export`, `rfgen motions`, `rfgen bench`."""
+"""Command line: `rfgen generate`, `rfgen radars`, `rfgen show`, `rfgen export`, `rfgen motions`, `rfgen things`,
+`rfgen bench`."""
 
 from __future__ import annotations
 
@@ -23,6 +24,8 @@ from rfgen_sionna.cli.generate import EPILOG, generate
 from rfgen_sionna.cli.motions import EPILOG as MOTIONS_EPILOG
 from rfgen_sionna.cli.motions import motions
 from rfgen_sionna.cli.recorded import EXPORT_EPILOG, SHOW_EPILOG, export, show
+from rfgen_sionna.cli.things import EPILOG as THINGS_EPILOG
+from rfgen_sionna.cli.things import things
 
 app = typer.Typer(
     name="rfgen",
@@ -69,6 +72,7 @@ def radars() -> None:
 app.command(epilog=SHOW_EPILOG)(show)
 app.command(epilog=EXPORT_EPILOG)(export)
 app.command(epilog=MOTIONS_EPILOG)(motions)
+app.command(epilog=THINGS_EPILOG)(things)
 app.command(epilog=BENCH_EPILOG)(bench)
 
 
