@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS, PARENTS
 from rfgen_sionna.records import Motion
@@ -29,8 +30,8 @@ _LENGTH = 0.25e-3
 """Step of positions [m]."""
 
 
-@dataclass(frozen=True)
-class LibraryClip:
+@dataclass(frozen=True, repr=False)
+class LibraryClip(ShortRepr):
     """One clip of the library, without its poses."""
 
     name: str

@@ -13,6 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna.generative.body_prompt import BodyPrompt, PromptError, draw_body
 from rfgen_sionna.generative.decisions import DEFAULT, NEGATIVE, PROMPT, Decision, drawn, tabulate
 from rfgen_sionna.generative.environment_prompt import NOWHERE, EnvironmentPrompt, parse_environment, split_keyword
@@ -59,8 +60,8 @@ class SourceReading:
     """Warnings about replaced actions."""
 
 
-@dataclass(frozen=True)
-class ScenePrompt:
+@dataclass(frozen=True, repr=False)
+class ScenePrompt(ShortRepr):
     """Interpreted prompt; None leaves a choice to the simulation."""
 
     text: str

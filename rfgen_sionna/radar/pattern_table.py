@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 
 _FLOOR = -200.0
@@ -18,8 +19,8 @@ _SLOPE_STEP = np.radians(0.5)
 _COLUMNS = ("azimuth_deg", "elevation_deg", "gain_dbi")
 
 
-@dataclass(frozen=True)
-class TablePattern:
+@dataclass(frozen=True, repr=False)
+class TablePattern(ShortRepr):
     """Power gain on a grid of azimuth and elevation, linear in dB between its points.
 
     Directions as of :class:`~rfgen_sionna.radar.pattern.ElementPattern`. The table is periodic over a full turn of

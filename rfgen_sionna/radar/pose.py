@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 
 Vector = tuple[float, float, float]
@@ -67,8 +68,8 @@ def look_at_angles(position: Vector, target: Vector) -> Vector:
     return float(np.arctan2(y, x)), float(-np.arctan2(z, np.hypot(x, y))), 0.0
 
 
-@dataclass(frozen=True)
-class Trajectory:
+@dataclass(frozen=True, repr=False)
+class Trajectory(ShortRepr):
     """A C² curve through positions and, if given, orientations, for storage in files.
 
     Outside its times the position continues straight on and the orientation is constant.

@@ -10,13 +10,14 @@ from functools import cached_property
 
 import numpy as np
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
 from rfgen_sionna.radar.profile import Profile, is_number
 from rfgen_sionna.radar.slots import Slot, check_slots, doppler_gap, multiplexing_of
 
 
-@dataclass(frozen=True)
-class Waveform:
+@dataclass(frozen=True, repr=False)
+class Waveform(ShortRepr):
     """A frame of linear chirps: `num_loops` loops of slots. Times count from the start of each ramp.
 
     A chirp is `idle_time` of silence and a ramp of `ramp_end_time`; the ADC takes `num_samples` from `adc_start_time`

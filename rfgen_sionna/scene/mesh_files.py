@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.scene.obj_file import read_obj
@@ -58,8 +59,8 @@ _UPRIGHT: Mapping[str, tuple[tuple[int, int, int], ...]] = MappingProxyType(
 """Up axis of a place -> rotation about one horizontal axis to z up, which undoes that of Blender's exporters."""
 
 
-@dataclass(frozen=True, eq=False)
-class MeshPart:
+@dataclass(frozen=True, eq=False, repr=False)
+class MeshPart(ShortRepr):
     """Triangles of one object and one material of a mesh file."""
 
     name: str

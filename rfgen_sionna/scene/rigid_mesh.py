@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import check_mesh
 from rfgen_sionna.scene.mesh_files import (
@@ -33,8 +34,8 @@ def _no_parts() -> IntArray:
     return np.empty(0, np.int32)
 
 
-@dataclass(frozen=True, eq=False)
-class RigidMesh:
+@dataclass(frozen=True, eq=False, repr=False)
+class RigidMesh(ShortRepr):
     """A mesh of constant shape: a :class:`~rfgen_sionna.records.MeshSequence`.
 
     Raises:

@@ -15,6 +15,7 @@ import rfgen_sionna as rfgen
 from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna.processing import point_cloud, range_doppler
 from rfgen_sionna.records import AdcCube, Motion
+from rfgen_sionna.signal import Coupling, Receiver
 from rfgen_sionna.signal.formats import open_capture, write_capture
 
 
@@ -50,8 +51,12 @@ def test_what_a_simulation_is_made_of(sim: Any) -> None:
         "(0, 0, 1) m",
     )
     check(sim.actors[0], "'ball'", "'metal'", "642 vertices, 1280 faces", "rigid", "(3, 0, 1) m", "(0.5, 0, 0) m/s")
-    for name in rfgen.Radar.available():
-        check(rfgen.Radar.load(name), name)
+    for name, presets in rfgen.Radar.available().items():
+        for preset in presets:
+            check(rfgen.Radar.load(name, preset), name)
+            check(rfgen.Radar.load(name, preset).waveform)
+    check(Receiver(coupling=Coupling.of_neighbours(sim.radar, -30.0)))
+    check(sim.actors[0].sequence, "vertices=642 × 3 float64")
 
 
 def test_what_it_gives(sim: Any, tmp_path: Path) -> None:

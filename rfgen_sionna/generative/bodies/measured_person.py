@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.bodies.fitted_body import fitted_body
 from rfgen_sionna.generative.bodies.grounding import sole_points
@@ -37,8 +38,8 @@ _HIP_CENTRED = 0.05
 """Smoothing time of the height of hips that were recorded as the origin [s]."""
 
 
-@dataclass(frozen=True)
-class JointResidual:
+@dataclass(frozen=True, repr=False)
+class JointResidual(ShortRepr):
     """Distance of a body's joints from the smoothed ones of a recording [m], over its frames."""
 
     median: Mapping[str, float]
@@ -64,8 +65,8 @@ def _cm(length: float) -> str:
     return f"{100.0 * length:.1f} cm"
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredPerson:
+@dataclass(frozen=True, eq=False, repr=False)
+class MeasuredPerson(ShortRepr):
     """A recorded person."""
 
     sequence: BodySequence

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, SIDES, Skeleton
 
@@ -20,8 +21,8 @@ PART_NAMES: tuple[str, ...] = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Rig:
+@dataclass(frozen=True, repr=False)
+class Rig(ShortRepr):
     """Rigged body in its rest pose, facing +x with +y to the left and z up."""
 
     vertices: FloatArray

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.motion.clip_error import ClipError
 from rfgen_sionna.scene.mesh_files import to_z_up
@@ -20,8 +21,8 @@ _LOG = logging.getLogger(__name__)
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
 
-@dataclass(frozen=True, eq=False)
-class SampledSequence:
+@dataclass(frozen=True, eq=False, repr=False)
+class SampledSequence(ShortRepr):
     """Vertices on C² splines through samples of a fixed rate; a :class:`~rfgen_sionna.records.MeshSequence`."""
 
     samples: FloatArray

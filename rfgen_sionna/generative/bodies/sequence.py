@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.bodies.grounding import stand_on_floor
 from rfgen_sionna.generative.bodies.retarget import bone_rotations, joint_rotations, root_translation, same_proportions
@@ -17,8 +18,8 @@ from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES
 from rfgen_sionna.records import Motion
 
 
-@dataclass(frozen=True, eq=False)
-class BodySequence:
+@dataclass(frozen=True, eq=False, repr=False)
+class BodySequence(ShortRepr):
     """Body posed by bone rotations and a root path; a :class:`~rfgen_sionna.records.MeshSequence`.
 
     Cubic splines join the root positions and the bones' quaternions, which are then normalised: vertices have

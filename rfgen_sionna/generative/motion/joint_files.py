@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.array_files import read_arrays
 from rfgen_sionna.generative.motion.clip_error import ClipError
@@ -35,8 +36,8 @@ _SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-
 _TIME = re.compile(r"^(?:time|timestamps?|t)(?:[ _]*[\[(]?(s|sec|seconds|ms|us|ns)[\])]?)?$", re.IGNORECASE)
 
 
-@dataclass(frozen=True, eq=False)
-class JointTrack:
+@dataclass(frozen=True, eq=False, repr=False)
+class JointTrack(ShortRepr):
     """Joint positions of one person as they were given."""
 
     positions: FloatArray

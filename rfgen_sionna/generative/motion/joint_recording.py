@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.clip_error import ClipError
 from rfgen_sionna.generative.motion.joint_files import JointTrack, read_joints
@@ -44,8 +45,8 @@ _OPTIONAL = (
 """Joints that a body does without, where they are missing in all frames."""
 
 
-@dataclass(frozen=True, eq=False)
-class JointRecording:
+@dataclass(frozen=True, eq=False, repr=False)
+class JointRecording(ShortRepr):
     """Smooth positions of the 22 joints of a body at a uniform rate."""
 
     positions: FloatArray

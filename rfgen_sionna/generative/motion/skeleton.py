@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.rotations import basis, normalised, perpendicular, transpose
 
@@ -48,8 +49,8 @@ def side_sign(side: str) -> int:
     return {"left": 1, "right": -1}[side]
 
 
-@dataclass(frozen=True)
-class Skeleton:
+@dataclass(frozen=True, repr=False)
+class Skeleton(ShortRepr):
     """Bone lengths of one person in the T-pose."""
 
     offsets: FloatArray

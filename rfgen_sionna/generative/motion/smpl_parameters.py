@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.array_files import read_arrays
 from rfgen_sionna.generative.motion.clip_error import ClipError
@@ -41,8 +42,8 @@ _LAYOUTS = {66: "SMPL body, 22 joints", 72: "SMPL, 24 joints", 156: "SMPL-H, 52 
 _STANDING = 0.7
 
 
-@dataclass(frozen=True, eq=False)
-class SmplTrack:
+@dataclass(frozen=True, eq=False, repr=False)
+class SmplTrack(ShortRepr):
     """Parameters of one person."""
 
     poses: FloatArray

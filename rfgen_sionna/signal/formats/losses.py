@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna.radar import Radar
 
 PACKET = 1456
@@ -21,8 +22,8 @@ _SHORT_RUN = 64
 _MOST_LISTED = 4  # frames in a warning
 
 
-@dataclass(frozen=True, eq=False)
-class Loss:
+@dataclass(frozen=True, eq=False, repr=False)
+class Loss(ShortRepr):
     """Samples of one frame that are zero because packets were lost, or because a channel is silent."""
 
     frame: int

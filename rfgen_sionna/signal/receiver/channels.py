@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.noise import device_stream
@@ -16,8 +17,8 @@ from rfgen_sionna.signal.receiver.value_checks import check_number, number_or_nu
 Matrix = tuple[tuple[complex, ...], ...]
 
 
-@dataclass(frozen=True)
-class Coupling:
+@dataclass(frozen=True, repr=False)
+class Coupling(ShortRepr):
     """Mutual coupling of the Rx antennas: port r has sum_q matrix[r][q] times the own signal of port q.
 
     Coupling of the Tx antennas is not modelled.
@@ -63,8 +64,8 @@ class Coupling:
             raise ValueError(f"coupling.matrix is {size} x {size}; radar '{radar.name}' has {count} Rx elements")
 
 
-@dataclass(frozen=True)
-class Mismatch:
+@dataclass(frozen=True, repr=False)
+class Mismatch(ShortRepr):
     """Gain and phase of the Tx and Rx chains: given values plus normal draws, constant over all frames.
 
     The gain of a channel is the product of those of its Tx and Rx element.

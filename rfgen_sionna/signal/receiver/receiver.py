@@ -32,8 +32,8 @@ PARTS: dict[str, type] = {
 """Field of a :class:`Receiver` -> class of the impairment, for those that are plain tables."""
 
 
-@dataclass(frozen=True)
-class Receiver:
+@dataclass(frozen=True, repr=False)
+class Receiver(ShortRepr):
     """Hardware from the echoes to the ADC's words, in the order of the signal.
 
     By default only thermal noise and the radar's own ADC are on. For example:
