@@ -213,7 +213,7 @@ def run_info(
             "start": float(times[0]),
             "scene": _digest(each for item in scene.objects for each in (item.vertices, item.faces)),
             "actors": {actor.name: _digest([actor.faces, *map(actor.vertices, moments)]) for actor in actors},
-            "materials": {actor.name: actor.properties.name for actor in actors},
+            "materials": {actor.name: actor.material_names for actor in actors},
         },
         **known | more,
     )

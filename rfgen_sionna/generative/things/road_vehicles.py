@@ -31,7 +31,7 @@ def pane(corners: FloatArray, outwards: FloatArray, finish: str, inset: float = 
     face = middle + (1.0 - 2.0 * inset) * (corners - middle)
     normal = np.cross(face[1] - face[0], face[3] - face[0])
     normal *= np.sign(normal @ outwards) / np.linalg.norm(normal)
-    rings = np.stack([face - 0.01 * normal, face + 0.01 * normal])
+    rings = np.stack([face + 0.008 * normal, face + 0.016 * normal])
     turning = np.cross(face[1] - face[0], face[3] - face[0]) @ normal
     return loft(rings if turning > 0 else rings[:, ::-1]).of(finish)
 
