@@ -50,7 +50,7 @@ def test_what_a_simulation_is_made_of(sim: Any) -> None:
         "50 ms",
         "(0, 0, 1) m",
     )
-    check(sim.actors[0], "'ball'", "'metal'", "642 vertices, 1280 faces", "rigid", "(3, 0, 1) m", "(0.5, 0, 0) m/s")
+    check(sim.actors[0], "'ball'", "metal", "642 vertices, 1280 faces", "rigid", "(3, 0, 1) m", "(0.5, 0, 0) m/s")
     for name, presets in rfgen.Radar.available().items():
         for preset in presets:
             check(rfgen.Radar.load(name, preset), name)
