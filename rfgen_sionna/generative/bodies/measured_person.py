@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -21,6 +22,7 @@ from rfgen_sionna.generative.motion.joint_recording import JointRecording
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics
 from rfgen_sionna.records import Motion
 
+_LOG = logging.getLogger(__name__)
 _STATURE = 1.70
 """Stature of the mean adult [m], to whom sizes relate."""
 _STATURES = (1.5, 1.95)
@@ -34,6 +36,10 @@ _TRUST_IN_FLOOR = 0.5
 """Share of a slow error of the height that moves the body; the rest may be of the ankles alone."""
 _SLOW = 0.5
 """Smoothing time of the height over the floor [s]; slower than any step."""
+_TRAVEL = 1.0
+"""Least way of a person that shows whether the floor is level [m]."""
+_SLOPE = 1.5
+"""Slope of the floor that is warned of [degrees]: 8 cm over three metres."""
 _HIP_CENTRED = 0.05
 """Smoothing time of the height of hips that were recorded as the origin [s]."""
 
@@ -134,10 +140,26 @@ def _lowest_sole(rig: Rig, joints: FloatArray, translation: FloatArray) -> Float
     return np.asarray(soles[..., 2].min(axis=(1, 2)))
 
 
+def _warn_of_slope(lowest: FloatArray, recording: JointRecording) -> None:
+    """Warn of a floor that rises along the person's way, as a tilted camera sees it."""
+    way = recording.positions[:, JOINT["pelvis"], :2]
+    way = way - way.mean(axis=0)
+    if np.ptp(way, axis=0).max() < _TRAVEL:
+        return
+    slope = np.linalg.lstsq(way, lowest - lowest.mean(), rcond=1e-2)[0]
+    angle = float(np.degrees(np.arctan(np.linalg.norm(slope))))
+    if angle > _SLOPE:
+        _LOG.warning(
+            "the floor rises by %.1f degrees along the way, towards (%.2f, %.2f): the camera was tilted, or somebody "
+            "climbs; level the positions first (multiply them by a rotation)", angle, *slope / np.linalg.norm(slope),
+        )  # fmt: skip
+
+
 def _floor(lowest: FloatArray, recording: JointRecording) -> tuple[float, FloatArray]:
     """Height of the floor, and (frame,) drop of the body that puts its feet on z = 0 [m]."""
     if recording.hip_centred:
         return 0.0, gaussian_filter1d(lowest, _HIP_CENTRED * recording.frame_rate, mode="nearest")
+    _warn_of_slope(lowest, recording)
     floor = float(np.quantile(lowest, _FLOOR))
     over = lowest - floor
     near = np.abs(over) < _NEAR_FLOOR

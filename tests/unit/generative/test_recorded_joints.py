@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.actor import Actor
@@ -305,6 +307,15 @@ def test_hips_at_the_origin_get_their_height_from_the_feet(body: Rig, caplog: py
     assert "the hips are the origin" in caplog.text
     lowest = [actor.vertices(t)[:, 2].min() for t in np.arange(0.5, 3.5, 0.25)]
     assert max(map(abs, lowest)) < 0.04
+
+
+def test_a_tilted_camera_is_told(body: Rig, caplog: pytest.LogCaptureFixture) -> None:
+    data = recorded("walk_straight")
+    Actor.from_joints(data, layout="smpl22", frame_rate=RATE, body=body)
+    assert "degrees along the way" not in caplog.text
+    tilted = data @ Rotation.from_euler("y", 4.0, degrees=True).as_matrix().T
+    Actor.from_joints(tilted, layout="smpl22", frame_rate=RATE, body=body)
+    assert re.search(r"the floor rises by [34]\.\d degrees along the way, towards \(-1\.00, ", caplog.text)
 
 
 def test_files_of_joints(tmp_path: Path) -> None:
