@@ -161,8 +161,8 @@ class Actor(MeshActor):
                 # Attributes by words contradict each other: drop the muscles.
                 if phenotype is not wanted or not {"weight", "muscle"} <= words.drawn:
                     raise
-                given = (words.muscle, words.weight_kg)
-                _LOG.warning("body: muscle %g is out of reach at %g kg; the weight is kept", *given)
+                muscle, weight = words.muscle, words.weight_kg
+                _LOG.warning("body: muscle %g is out of reach at %g kg; the weight is kept", muscle, weight)
                 phenotype = replace(wanted, muscle=None)
                 rig = person(phenotype, seed=seed)
         performed = _performed(said, duration, seed, rig.skeleton, source)
