@@ -44,6 +44,7 @@ def check_options(
     duration: float | None,
     output: str | PathLike[str] | None,
     overwrite: bool,
+    resume: bool,
     noise: bool,
     receiver: ReceiverSource | None,
     rtol: float,
@@ -67,7 +68,7 @@ def check_options(
     ValueError, TypeError
         Naming the argument, its value and the allowed values.
     """
-    for name, value in (("overwrite", overwrite), ("noise", noise)):
+    for name, value in (("overwrite", overwrite), ("resume", resume), ("noise", noise)):
         if not isinstance(value, bool):
             raise TypeError(f"{name} is {value!r}: True or False is needed")
     check_workers(workers, chosen_device(device))

@@ -32,7 +32,7 @@ from rfgen_sionna.generative.sentences import motion_source, read_prompt
 from rfgen_sionna.generative.things.thing_catalogue import bounces_of
 from rfgen_sionna.options import check_actors, check_options, check_size, chosen_duration, chosen_view, default_output
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.recording import ImageView, Progress, run_info, run_plan, write_run
+from rfgen_sionna.recording import ImageView, Progress, array_digest, run_info, run_plan, write_run
 from rfgen_sionna.records import Motion
 from rfgen_sionna.scene.checks.actors import OutsidePolicy, Policy
 from rfgen_sionna.scene.floor import floor_under
@@ -65,6 +65,7 @@ def generate(
     seed: int = 0,
     output: str | PathLike[str] | None = None,
     overwrite: bool = False,
+    resume: bool = False,
     noise: bool = True,
     receiver: ReceiverSource | None = None,
     rtol: float = 1e-2,
@@ -129,6 +130,9 @@ def generate(
         HDF5 file to write (see :mod:`rfgen_sionna.dataset.schema`); None is `<action>.h5` in the working folder.
     overwrite
         Whether an existing file is replaced.
+    resume
+        Whether an interrupted call keeps its frames, in `.NAME.partial` beside the file, and the same call continues
+        after them, as in :func:`rfgen_sionna.record`.
     noise
         Whether thermal noise is added; False removes it from `receiver`, and without one the samples are ideal.
     receiver
@@ -195,6 +199,7 @@ def generate(
         duration=duration,
         output=output,
         overwrite=overwrite,
+        resume=resume,
         noise=noise,
         receiver=receiver,
         rtol=rtol,
@@ -327,11 +332,14 @@ def generate(
         },
         report=text,
     )
+    if setting.environment is not None:
+        shown = array_digest([setting.environment.energy, setting.environment.time_of_arrival])
+        info = replace(info, settings={**info.settings, "image": shown, "refine": refine})
     view = ImageView(resolution, fov, projection)
     plan = run_plan(
         simulator, info, view, duration, noise=noise, seed=seed, receiver=impairments, device=device, workers=workers
     )
-    return write_run(target, {"": plan}, overwrite=overwrite, progress=progress)
+    return write_run(target, {"": plan}, overwrite=overwrite, resume=resume, progress=progress)
 
 
 def _read(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from os import PathLike
@@ -211,15 +211,15 @@ def run_info(
             "transmission": simulation.transmission,
             "frames": len(times),
             "start": float(times[0]),
-            "scene": _digest(each for item in scene.objects for each in (item.vertices, item.faces)),
-            "actors": {actor.name: _digest([actor.faces, *map(actor.vertices, moments)]) for actor in actors},
+            "scene": array_digest(each for item in scene.objects for each in (item.vertices, item.faces)),
+            "actors": {actor.name: array_digest([actor.faces, *map(actor.vertices, moments)]) for actor in actors},
             "materials": {actor.name: actor.material_names for actor in actors},
         },
         **known | more,
     )
 
 
-def _digest(arrays: Any) -> str:
+def array_digest(arrays: Iterable[Any]) -> str:
     """Digest of arrays, equal for equal ones."""
     found = hashlib.sha256()
     for array in arrays:

@@ -103,6 +103,9 @@ def generate(
         Path | None, typer.Option(help="HDF5 file to write (default: name of the action).", dir_okay=False)
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Keep the frames of an interrupted run, and continue after them.")
+    ] = False,
     noise: Annotated[bool, typer.Option(help="Thermal noise of the receiver.")] = True,
     receiver: Annotated[
         Path | None,

@@ -108,6 +108,7 @@ def test_generate_passes_every_option_on(rfgen: Rfgen, tmp_path: Path, monkeypat
         "seed": 7,
         "output": Path("arm.h5"),
         "overwrite": False,
+        "resume": False,
         "noise": False,
         "receiver": Path("rx.toml"),
         "rtol": 0.01,

@@ -224,6 +224,24 @@ def test_an_interrupted_run_leaves_no_file_and_spares_an_earlier_one(quick: dict
     assert (folder / "run.h5").read_text() == "earlier"
 
 
+def test_an_interrupted_run_goes_on(quick: dict[str, Any], folder: Path) -> None:
+    def interrupt(done: int, count: int) -> None:
+        if done == 1:
+            raise KeyboardInterrupt
+
+    steps: list[tuple[int, int]] = []
+    with pytest.raises(KeyboardInterrupt):
+        rfgen.generate(PROMPT, output="run.h5", progress=interrupt, resume=True, **quick)
+    assert [path.name for path in folder.iterdir()] == [".run.h5.partial"]
+    with pytest.raises(ValueError, match=r"those of another run, whose prompt is 'a person pushing, 1\.5 m away' inst"):
+        rfgen.generate("a person pulls, 1.5 m away", output="run.h5", resume=True, **quick)
+    with rfgen.generate(PROMPT, output="run.h5", resume=True, progress=lambda *a: steps.append(a), **quick) as run:
+        assert len(run) == 2
+        assert run.pir(1).time == run.mesh_times[1]
+    assert steps == [(2, 2)]
+    assert [path.name for path in folder.iterdir()] == ["run.h5"]
+
+
 # -- runs -----------------------------------------------------------------------------------------------------
 
 
