@@ -33,6 +33,8 @@ from rfgen_sionna.generative.motion.skeleton import (
 )
 from rfgen_sionna.records import Motion
 
+_ASIDE = np.array([0.31, 0.83, 0.46])
+"""Direction that no limb has: straight limbs bend across it."""
 _FLEXED = np.radians(20.0)
 """Flexion from which a limb's plane of bending gets full weight [rad]; bounds the effect of position noise."""
 _TURNING = 0.1
@@ -253,7 +255,7 @@ def _reaching(
     share = ease((flexion - _FLEXED) / _FLEXED)[:, None]
     shift = target - end
     shift = shift * np.minimum(1.0, _REACH / np.maximum(np.linalg.norm(shift, axis=-1, keepdims=True), 1e-9))
-    pole = first - second + 1e-6 * Z
+    pole = first - second + 1e-6 * np.cross(first, _ASIDE)
     middle, _, _ = two_bone(start, end + share * shift, pole, *lengths)
     reached = share > 0.0
     first = np.where(reached, _direction(middle - start), first)
