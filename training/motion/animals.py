@@ -21,7 +21,9 @@ from training.commands import plainly
 
 CYCLIC = ("walk", "run", "sneak", "trot", "gallop", "idle", "idle_alert", "eat", "sleep", "fly", "glide")
 """Actions that repeat."""
-NAMES = {"idle": "stand", "idle_alert": "stand_alert", "fetch": "pick_up", "fall_down": "fall_over"}
+WHOLE = ("sit", "fetch")
+"""Actions of which the whole clip is one cycle."""
+NAMES = {"idle": "stand", "idle_alert": "crouch", "fetch": "sniff", "fall_down": "fall_over"}
 """Names of the pack that are others in the package."""
 LEFT_OUT = ("turn_left", "turn_right")
 """Actions whose feet slide all over the floor."""
@@ -112,7 +114,9 @@ def main(
             parents = [int(parent) for parent in stored[f"parents_{animal}"]]
             positions = stored[record["name"]].astype(np.float64)[..., [2, 0, 1]]  # z up, facing +x
             speed, length = record["forward_speed"], float(len(positions) - 1)
-            if action in CYCLIC:
+            if action in WHOLE:
+                positions = positions[:-1]
+            elif action in CYCLIC:
                 positions[..., 0] -= speed / FRAME_RATE * np.arange(len(positions))[:, None]
                 positions, length = one_cycle(positions)
                 if speed:
@@ -125,7 +129,7 @@ def main(
                     joint_names=tuple(names),
                     positions=positions,
                     length=length / FRAME_RATE,
-                    cyclic=action in CYCLIC,
+                    cyclic=action in (*CYCLIC, *WHOLE),
                     forward_speed=speed,
                 )
             )

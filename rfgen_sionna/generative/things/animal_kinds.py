@@ -13,7 +13,7 @@ from rfgen_sionna.generative.things.articulated import ArticulatedSequence
 from rfgen_sionna.generative.things.thing_kind import BuildRequest, ThingAction, ThingKind, ThingParameter
 
 WALK = r"(?:<walk>|<stroll>|<pace>|<go|went>|<come|came>|<move>|<approach>)"
-STAND = r"(?:<stand|stood>|<stay>|<wait>|<remain>)(?: (?:still|there|idle))*|still|idle|motionless|at rest"
+STAND = r"(?:<stand|stood>(?! up)|<stay>|<wait>|<remain>)(?: (?:still|there|idle))*|still|idle|motionless|at rest"
 _WING_BEATS = 3
 """Wing beats in the clip of flight."""
 _GIRTH = ThingParameter("factor on the width of the body", (0.92, 1.08), (0.7, 1.4))
@@ -59,12 +59,15 @@ def _dog_actions(shoulder: float, own: dict[str, ThingAction]) -> dict[str, Thin
         "run": ThingAction("runs", r"<run|ran>|<sprint>|<race>|<gallop>", 2.6 * pace, 9.0 * pace),
         "sneak": ThingAction("sneaks", r"<sneak|snuck>|<creep|crept>|<prowl>|<stalk>", 0.3 * pace, 0.6 * pace),
         "stand": ThingAction("stands", STAND),
-        "stand_alert": ThingAction("stands alert", r"(?:<stand|stood> |is )?alert|<watch>|<listen>"),
-        "sit": ThingAction("sits down", r"(?:<sit|sat|sitting>)(?: down)?"),
+        "crouch": ThingAction("stands with its head low, alert", r"(?:<stand|stood> |is )?alert|<crouch>|<lower> <a>head"),
+        "sit": ThingAction("sits", r"<sit|sat|sitting>(?! (?:down|up))(?: still| there)?"),
+        "sit_down": ThingAction("sits down", r"<sit|sat|sitting> down"),
+        "stand_up": ThingAction("stands up from sitting", r"(?:<stand|stood>|<get|got>) up"),
         "jump": ThingAction("jumps on the spot", r"(?:<jump>|<leap|leapt>|<hop>)(?: (?:up and down|up|on the spot|high))*"),
         "bite": ThingAction("bites", r"<bite|bit|bitten>|<snap>"),
-        "pick_up": ThingAction("picks something up with its mouth", r"<pick> (?:[a-z]+ ){1,3}up|<fetch>(?: [a-z]+){0,2}|<eat|ate>|<sniff>"),
-        "fall_over": ThingAction("falls over and lies", r"(?:<fall|fell|fallen>) (?:over|down)|<lie|lay|lying>(?: down)?|<collapse>"),
+        "sniff": ThingAction("sniffs at the ground", r"<sniff>(?: at <a>(?:ground|floor)|around)?|<eat|ate>(?: from <a>(?:ground|floor|bowl))?"),
+        "lie": ThingAction("lies on its side", r"<lie|lay|lying>(?! down)(?: (?:still|there|on <a>(?:side|floor|ground)))*"),
+        "fall_over": ThingAction("falls over and lies", r"(?:<fall|fell|fallen>) (?:over|down)|<collapse>"),
         **own,
     }  # fmt: skip
 
@@ -75,7 +78,7 @@ KINDS = (
         "0.45 to 0.62 m at the shoulder: from beagle to shepherd (breed standards of the FCI)",
         _dog_actions(0.5, {
             "bark": ThingAction("barks", r"<bark>|<yap>"),
-            "howl": ThingAction("howls", r"<howl>"),
+            "howl": ThingAction("sits and howls", r"<howl>"),
         }),
         _dog, {"height": _height(0.45, 0.62, 0.15, 0.95), "girth": _GIRTH},
     ),

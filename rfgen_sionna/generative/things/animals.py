@@ -11,7 +11,7 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.things.animal_clips import AnimalClip, animal_clips
 from rfgen_sionna.generative.things.articulated import ArticulatedSequence, ThingPart
 from rfgen_sionna.generative.things.generalized_cylinders import TubePath, tube
-from rfgen_sionna.generative.things.part_motion import Curve
+from rfgen_sionna.generative.things.part_motion import Curve, Swing
 from rfgen_sionna.generative.things.thing_kind import BuildRequest
 from rfgen_sionna.scene.materials import material
 
@@ -83,6 +83,27 @@ class AnimalMotion:
         return joints
 
 
+@dataclass(frozen=True, eq=False)
+class BlendedMotion:
+    """Change from one motion in place to another."""
+
+    first: AnimalMotion
+    second: AnimalMotion
+    share: Swing
+    """Share of the second one."""
+
+    def __call__(self, t: float) -> FloatArray:
+        share = self.share(t)
+        return (1.0 - share) * self.first(t) + share * self.second(t)
+
+
+CHANGES = {"sit_down": ("stand", "sit"), "stand_up": ("sit", "stand")}
+"""Action -> actions before and after it."""
+_CHANGE = Swing(0.0, 1.0, 0.4, 1.0)
+HELD = {"lie": "fall_over"}
+"""Action -> action whose last pose it holds."""
+
+
 @dataclass(frozen=True)
 class Pace:
     """Time of a clip [s]: by the distance travelled, or by a rate."""
@@ -121,7 +142,8 @@ def animal(
         coat: material.
         wing_beats: wing beats per second [Hz] in flight, and in the clip of flight; None has no wings.
     """
-    clip = animal_clips()[body.clips, request.action]
+    first, last = CHANGES.get(request.action, (HELD.get(request.action, request.action),) * 2)
+    clip = animal_clips()[body.clips, first]
     index = {name: k for k, name in enumerate(clip.joint_names)}
     shape = np.eye(len(index))
     for name, (origin, factor) in body.changes.items():
@@ -129,6 +151,8 @@ def animal(
         shape[index[name], index[origin]] = 1.0 - factor
     scale = size / body.size
     start = float(request.rng.random()) * clip.length if clip.cyclic else 0.0
+    if request.action in HELD:
+        start = 2.0 * clip.length
     walks = clip.forward_speed > 0.0
     if walks:
         rate = 1.0 / (clip.forward_speed * scale)
@@ -137,7 +161,11 @@ def animal(
     else:
         rate = 1.0 / float(np.sqrt(scale))
     pace = Pace(request.travelled if walks else None, rate, start)
-    motion = AnimalMotion(clip, shape, scale, pace, scale * body.foot * girth)
+    lift = scale * body.foot * girth
+    motion: AnimalMotion | BlendedMotion = AnimalMotion(clip, shape, scale, pace, lift)
+    if last != first:
+        after = AnimalMotion(animal_clips()[body.clips, last], shape, scale, pace, lift)
+        motion = BlendedMotion(motion, after, _CHANGE)
     rest = AnimalMotion(animal_clips()[body.clips, "stand"], shape, scale, Pace(None, 0.0, 0.0), 0.0)(0.0)
     parts = []
     skin = material(coat)
