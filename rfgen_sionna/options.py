@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -95,9 +95,10 @@ def check_actors(actors: Any) -> tuple[MeshActor, ...]:
     """Actors of an argument; TypeError for anything else."""
     if isinstance(actors, MeshActor):
         return (actors,)
-    if not isinstance(actors, (list, tuple)) or not all(isinstance(each, MeshActor) for each in actors):
+    found = tuple(actors) if isinstance(actors, Iterable) else (actors,)
+    if not all(isinstance(each, MeshActor) for each in found):
         raise TypeError(f"actors is {actors!r}: a list of actors is needed (Actor.from_mesh, from_motion, from_prompt)")
-    return tuple(actors)
+    return found
 
 
 def chosen_duration(duration: float | None, actors: Sequence[MeshActor]) -> float:

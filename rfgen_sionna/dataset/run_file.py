@@ -30,12 +30,12 @@ class RunFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
+        self.path, self._absolute = path, path.absolute()  # the working folder may change
         self._file, self._process = _checked(path), os.getpid()
 
     def __reduce__(self) -> Any:
         _ = self.root
-        return RunFile, (self.path.absolute(),)
+        return RunFile, (self._absolute,)
 
     def close(self) -> None:
         """Close the file."""
@@ -53,7 +53,7 @@ class RunFile:
             raise ValueError(f"run '{self.path}' is closed")
         if self._process != os.getpid():
             self._file.close()  # HDF5 would share the handle with a file that is open
-            self._file, self._process = _checked(self.path), os.getpid()
+            self._file, self._process = _checked(self._absolute), os.getpid()
         return self._file
 
     @property

@@ -20,8 +20,8 @@ def test_a_pickled_run_opens_its_file_again(path, frame, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     with open_run("run.h5") as run:
         assert len(run.radar.tx_names) == 3  # which is then known
+        monkeypatch.chdir("/")
         stored = pickle.dumps((run, run.actors["person"]))
-    monkeypatch.chdir("/")
     copy, person = pickle.loads(stored)
     with copy:
         np.testing.assert_array_equal(copy.adc[2], frame(2)["adc"])
