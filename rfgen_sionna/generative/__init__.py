@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, check, is_true_of
     from rfgen_sionna.generative.actor import Actor
     from rfgen_sionna.generative.bodies import Phenotype
     from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
@@ -16,17 +17,21 @@ if TYPE_CHECKING:
     from rfgen_sionna.generative.prompts import parse_environment, parse_prompt
 
 _HOME = {
+    "DEFINED_ACTIONS": "action_definitions", "check": "action_definitions", "is_true_of": "action_definitions",
     "ACTIONS": "motion", "Actor": "actor", "KinematicSource": "motion", "MotionLibrary": "motion_library",
     "MotionSource": "motion",    "Phenotype": "bodies", "parse_environment": "prompts", "parse_prompt": "prompts",
 }  # fmt: skip
 
 __all__ = [
     "ACTIONS",
+    "DEFINED_ACTIONS",
     "Actor",
     "KinematicSource",
     "MotionLibrary",
     "MotionSource",
     "Phenotype",
+    "check",
+    "is_true_of",
     "parse_environment",
     "parse_prompt",
 ]

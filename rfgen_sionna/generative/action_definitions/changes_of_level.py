@@ -1,0 +1,348 @@
+"""Standing, sitting, lying, and the ways between them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.action_definitions.definition import (
+    Definition,
+    Requirements,
+    at_least,
+    at_most,
+)
+from rfgen_sionna.generative.action_definitions.motion_signals import STANDING, MotionSignals
+from rfgen_sionna.generative.action_definitions.sampled_series import (
+    RATE,
+    Flags,
+    longest,
+    rate_of,
+    share,
+    smooth,
+    swings,
+)
+
+FIRST, LAST = slice(0, 6), slice(-6, None)
+"""The first and the last 0.3 s."""
+
+
+def upright(s: MotionSignals) -> Flags:
+    """(sample,) whether the person stands or walks, trunk within 45 degrees of the vertical"""
+    return (s.pelvis_height > 0.86 * STANDING) & (s.inclination < 45.0)
+
+
+def lying(s: MotionSignals) -> Flags:
+    """(sample,) whether pelvis and head rest near the floor, the trunk within 35 degrees of level"""
+    return (s.pelvis_height < 0.35) & (s.head_height < 0.45) & (s.inclination > 55.0)
+
+
+def seated(s: MotionSignals) -> Flags:
+    """(sample,) whether the person sits on a stool or chair: trunk up, thighs raised, the centre of mass too far behind the
+    feet for these to carry it, or the feet off the floor"""
+    behind = -s.ahead(s.mass[:, None] - s.pair("ankle"))[..., 0].max(axis=1)
+    high = (s.pelvis_height > 0.32) & (s.pelvis_height < 0.92 * STANDING)
+    hanging = (s.feet.min(axis=1) > 0.06) & (s.speed < 0.3) & ~s.airborne
+    return high & (s.inclination < 50.0) & (s.thigh_elevation.mean(axis=1) > 35.0) & ((behind > 0.07) | hanging)
+
+
+def on_the_floor(s: MotionSignals) -> Flags:
+    """(sample,) whether the person sits on the floor, trunk up"""
+    return (s.pelvis_height < 0.32) & (s.inclination < 55.0)
+
+
+def low(s: MotionSignals) -> Flags:
+    """(sample,) whether the person is crouched: on the feet, pelvis over them and lower than 0.7 of standing"""
+    middle = s.pair("ankle").mean(axis=1)
+    off = np.linalg.norm((s.joint("pelvis") - middle)[:, :2], axis=1)
+    return (s.legs < 0.72) & (off < 0.45) & (s.pair("knee")[..., 2].max(axis=1) > 0.2) & (s.inclination < 100.0)
+
+
+def _height_at(s: MotionSignals, moment: slice) -> float:
+    return float(s.pelvis_height[moment].mean())
+
+
+def standing(s: MotionSignals) -> Requirements:
+    place = s.joint("pelvis")[:, :2]
+    return [
+        at_least("share of time upright on both feet", share(upright(s) & (s.feet < 0.08).all(axis=1)), 0.7),
+        at_most(
+            "distance of the pelvis from its mean place [m]",
+            np.linalg.norm(place - np.median(place, axis=0), axis=1).max(),
+            0.4,
+        ),
+        at_least(
+            "share of time with both wrists below the shoulders",
+            share((s.hands_over_shoulders < 0.05).all(axis=1)),
+            0.8,
+        ),
+        at_most("90th percentile of the wrists' speed [m/s]", np.percentile(s.wrist_speed, 90), 0.9),
+        at_most("90th percentile of the trunk's inclination [degrees]", np.percentile(s.inclination, 90), 30.0),
+    ]
+
+
+def sit(s: MotionSignals) -> Requirements:
+    return [at_least("share of time seated, on a seat or the floor", share(seated(s) | on_the_floor(s)), 0.9)]
+
+
+def _sits_down(s: MotionSignals, goal: Flags) -> Requirements:
+    return [
+        at_least("height of the pelvis at first, share of standing", s.pelvis_height[:10].max() / STANDING, 0.85),
+        at_least("share of the last 0.3 s seated", share(goal[LAST]), 0.8),
+        at_most("share of the first 0.3 s seated", share(goal[FIRST]), 0.2),
+    ]
+
+
+def sit_down(s: MotionSignals) -> Requirements:
+    return _sits_down(s, seated(s) | on_the_floor(s))
+
+
+def stand_up(s: MotionSignals) -> Requirements:
+    goal = seated(s) | on_the_floor(s)
+    return [
+        at_least("share of the first 0.3 s seated", share(goal[FIRST]), 0.8),
+        at_least("height of the pelvis at the end, share of standing", _height_at(s, LAST) / STANDING, 0.86),
+        at_most("inclination of the trunk at the end [degrees]", s.inclination[LAST].mean(), 40.0),
+    ]
+
+
+def sit_and_stand(s: MotionSignals) -> Requirements:
+    return [
+        at_least("longest time seated [s]", longest(seated(s) | on_the_floor(s)), 0.3),
+        at_least("longest time upright [s]", longest(upright(s)), 0.5),
+    ]
+
+
+def lie(s: MotionSignals) -> Requirements:
+    return [at_least("share of time with pelvis and head at the floor", share(lying(s)), 0.9)]
+
+
+def _descent(s: MotionSignals) -> tuple[int, float]:
+    """Sample of the fastest descent of the head over 0.2 s, and its speed [m/s]."""
+    speed = -smooth(rate_of(s.head_height), 0.2)
+    fastest = int(np.argmax(speed))
+    return fastest, float(speed[fastest])
+
+
+def lie_down(s: MotionSignals) -> Requirements:
+    return [
+        at_least("highest pelvis in the first half [m]", s.pelvis_height[: len(s.time) // 2 + 1].max(), 0.42),
+        at_least("share of the last 0.3 s with pelvis and head at the floor", share(lying(s)[LAST]), 0.8),
+        at_most("share of the first 0.3 s with pelvis and head at the floor", share(lying(s)[FIRST]), 0.2),
+        at_most("fastest descent of the head over 0.2 s [m/s]", _descent(s)[1], 2.5),
+    ]
+
+
+def fall(s: MotionSignals) -> Requirements:
+    when, speed = _descent(s)
+    before = slice(0, when + 1)
+    return [
+        at_least(
+            "highest pelvis before the descent, share of standing", s.pelvis_height[before].max() / STANDING, 0.75
+        ),
+        at_least("fastest descent of the head over 0.2 s [m/s]", speed, 2.5),
+        at_most("height of the pelvis at the end [m]", _height_at(s, LAST), 0.35),
+        at_most("height of the head at the end [m]", s.head_height[LAST].mean(), 0.35),
+    ]
+
+
+def _toward(s: MotionSignals) -> FloatArray:
+    """(2,) level direction from pelvis to head as the body lands, ahead and to the left of where it faced before."""
+    when, _ = _descent(s)
+    before = max(when - 10, 0)
+    landed = int(np.argmin(s.head_height[when : when + 20])) + when
+    trunk = (s.joint("neck") - s.joint("pelvis"))[landed]
+    c, n = np.cos(s.heading[before]), np.sin(s.heading[before])
+    return np.array([c * trunk[0] + n * trunk[1], c * trunk[1] - n * trunk[0]])
+
+
+def fall_forward(s: MotionSignals) -> Requirements:
+    ahead, left = _toward(s)
+    angle = float(np.degrees(np.arctan2(abs(left), ahead)))
+    return [*fall(s), at_most("angle of the fall from straight ahead [degrees]", angle, 50.0)]
+
+
+def fall_backward(s: MotionSignals) -> Requirements:
+    ahead, left = _toward(s)
+    angle = float(np.degrees(np.arctan2(abs(left), -ahead)))
+    return [*fall(s), at_most("angle of the fall from straight back [degrees]", angle, 50.0)]
+
+
+def fall_sideways(s: MotionSignals) -> Requirements:
+    ahead, left = _toward(s)
+    angle = float(np.degrees(np.arctan2(abs(ahead), abs(left))))
+    return [*fall(s), at_most("angle of the fall from straight sideways [degrees]", angle, 50.0)]
+
+
+def get_up(s: MotionSignals) -> Requirements:
+    return [
+        at_most("height of the pelvis at first [m]", s.pelvis_height[:10].min(), 0.4),
+        at_most("height of the head at first [m]", s.head_height[:10].min(), 0.75),
+        at_least("height of the pelvis at the end, share of standing", _height_at(s, LAST) / STANDING, 0.42),
+        at_least("height of the head at the end [m]", s.head_height[LAST].mean(), 0.8),
+        at_most("inclination of the trunk at the end [degrees]", s.inclination[LAST].mean(), 60.0),
+    ]
+
+
+def crouch(s: MotionSignals) -> Requirements:
+    return [
+        at_least("longest time on the feet with a pelvis under 0.72 of standing [s]", longest(low(s)), 0.4),
+        at_least(
+            "least height of the knees meanwhile [m]", s.pair("knee")[..., 2].max(axis=1)[low(s)].min(initial=9.0), 0.2
+        ),
+    ]
+
+
+def squat(s: MotionSignals) -> Requirements:
+    down = int(np.argmin(s.legs))
+    return [
+        at_most("lowest pelvis over the feet, share of standing", s.legs.min(), 0.72),
+        at_least("pelvis before, share of standing", s.legs[: down + 1].max(), 0.88),
+        at_least("pelvis afterwards, share of standing", s.legs[down:].max(), 0.88),
+        at_least("both knees bent then [degrees]", s.knee_flexion[down].min(), 60.0),
+        at_most("height of a foot then [m]", s.feet[down].max(), 0.16),
+        at_most("inclination of the trunk then [degrees]", s.inclination[down], 62.0),
+        at_most("distance between the ankles ahead then [m]", s.feet_apart[down, 0], 0.35),
+        at_most("way over the floor [m]", s.path, 1.0),
+        at_most("longest time off the floor [s]", longest(s.airborne), 0.3),
+    ]
+
+
+def kneel(s: MotionSignals) -> Requirements:
+    down = (s.pair("knee")[..., 2].min(axis=1) < 0.14) & (s.pelvis_height > 0.25) & (s.pelvis_height < 0.65)
+    return [at_least("longest time on a knee, trunk up [s]", longest(down & (s.inclination < 85.0)), 0.8)]
+
+
+def bend(s: MotionSignals) -> Requirements:
+    return [
+        at_least(
+            "longest time bent by 40 degrees or more on the feet [s]",
+            longest((s.inclination > 40.0) & (s.pelvis_height > 0.4)),
+            0.2,
+        ),
+        at_most(
+            "median speed over the floor then [m/s]",
+            np.median(s.speed[s.inclination > 40.0]) if (s.inclination > 40.0).any() else 0.0,
+            0.7,
+        ),
+    ]
+
+
+def bow(s: MotionSignals) -> Requirements:
+    still = smooth(s.speed, 0.8) < 0.35
+    deepest = int(np.argmax(np.where(still & (s.feet.max(axis=1) < 0.1), s.inclination, 0.0)))
+    return [
+        at_least(
+            "inclination of the trunk where the person stays [degrees]", s.inclination[deepest] * still[deepest], 22.0
+        ),
+        at_least("pelvis over the feet then, share of standing", s.legs[deepest], 0.84),
+        at_most("inclination at the straightest before [degrees]", s.inclination[: deepest + 1].min(), 20.0),
+        at_most("inclination at the straightest afterwards [degrees]", s.inclination[deepest:].min(), 25.0),
+        at_least("height of the wrists then [m]", s.hand_height[deepest].min(), 0.3),
+        at_most("higher foot then [m]", s.feet[deepest].max(), 0.1),
+        at_most("speed of the wrists against the shoulders then [m/s]", s.wrist_speed[deepest].max(), 1.2),
+    ]
+
+
+def _hand_down(s: MotionSignals) -> Requirements:
+    hand = s.hand_height.min(axis=1)
+    lowest = int(np.argmin(hand))
+    return [
+        at_most("lowest wrist [m]", hand[lowest], 0.45),
+        at_most("higher foot then [m]", s.feet[lowest].max(), 0.25),
+        at_least("height of the pelvis then [m]", s.pelvis_height[lowest], 0.2),
+        at_least("change of the trunk's inclination [degrees]", np.ptp(s.inclination), 15.0),
+        at_least("highest pelvis, share of standing", s.legs.max(), 0.85),
+    ]
+
+
+def pick_up(s: MotionSignals) -> Requirements:
+    hand = s.hand_height.min(axis=1)
+    later = np.maximum.accumulate(hand[::-1])[::-1] - hand
+    return [*_hand_down(s), at_least("rise of the hand from there [m]", later[hand < 0.45].max(initial=0.0), 0.3)]
+
+
+def put_down(s: MotionSignals) -> Requirements:
+    hand = s.hand_height.min(axis=1)
+    before = np.maximum.accumulate(hand) - hand
+    return [*_hand_down(s), at_least("way of the hand down there [m]", before[hand < 0.45].max(initial=0.0), 0.3)]
+
+
+def lift(s: MotionSignals) -> Requirements:
+    before = np.minimum.accumulate(s.hand_height.max(axis=1))
+    over = (s.hands_over_shoulders.min(axis=1) > 0.1) & (s.hands_apart < 0.65)
+    return [
+        at_least("longest time with both hands over the shoulders [s]", longest(over), 0.3),
+        at_most("lowest height of both wrists before [m]", before[over].min(initial=9.0), 1.2),
+        at_least("share of time on the feet", share(s.legs > 0.5), 0.7),
+        at_most("longest flight [s]", max((b - a for a, b in s.flights), default=0) / RATE, 0.1),
+    ]
+
+
+def crawl(s: MotionSignals) -> Requirements:
+    four = (s.hand_height.min(axis=1) < 0.25) & (s.inclination > 45.0) & (s.pelvis_height < 0.75) & (s.front < 0.2)
+    return [
+        at_least("share of time with hands at the floor, face down", share(four), 0.6),
+        at_least("way over the floor [m]", s.path, 0.4),
+        at_least(
+            "moves of the hands ahead and back of each other", swings(s.wrists[:, 0, 0] - s.wrists[:, 1, 0], 0.15), 1
+        ),
+    ]
+
+
+DEFINITIONS = (
+    Definition("standing", "Upright on both feet in one place, trunk up, hands low and slow.", standing),
+    Definition(
+        "sit",
+        "On a seat (thighs raised, the centre of mass behind the feet) or on the floor, trunk up, throughout.",
+        sit,
+    ),
+    Definition("sit_down", "Upright at first; seated on a seat or the floor at the end.", sit_down),
+    Definition("stand_up", "Seated at first; upright on the feet at the end.", stand_up),
+    Definition("sit_and_stand", "Seated for a time and upright for a time.", sit_and_stand),
+    Definition("lie", "Pelvis under 0.35 m and head under 0.45 m, trunk level, throughout.", lie),
+    Definition(
+        "lie_down", "Pelvis raised at first, pelvis and head at the floor at the end, without a fall between.", lie_down
+    ),
+    Definition(
+        "fall",
+        "On the feet at first; the head drops at 2.5 m/s or more; pelvis and head under 0.35 m at the end.",
+        fall,
+    ),
+    Definition("fall_forward", "A fall that lands with the head ahead of the pelvis.", fall_forward),
+    Definition("fall_backward", "A fall that lands with the head behind the pelvis.", fall_backward),
+    Definition("fall_sideways", "A fall that lands with the head to a side of the pelvis.", fall_sideways),
+    Definition(
+        "get_up", "Pelvis at the floor and head low at first; on the feet at the end, crouched or standing.", get_up
+    ),
+    Definition("crouch", "On the feet with the pelvis over them under 0.72 of standing, for 0.4 s or more.", crouch),
+    Definition(
+        "squat",
+        "From standing down to a pelvis under 0.72 of standing on bent knees, trunk up, and back, in one place.",
+        squat,
+    ),
+    Definition("kneel", "On a knee for 0.8 s or more, trunk up, pelvis over the floor.", kneel),
+    Definition("bend", "Trunk inclined by 40 degrees or more on the feet, in about one place.", bend),
+    Definition(
+        "bow", "Trunk inclined by 22 degrees or more on nearly straight legs and back up, hands not at the floor.", bow
+    ),
+    Definition(
+        "pick_up",
+        "A hand goes down to 0.45 m or less from the feet and comes up again.",
+        pick_up,
+        "whether the hand holds something: picking up and putting down look alike",
+    ),
+    Definition(
+        "put_down",
+        "A hand comes down to 0.45 m or less from the feet.",
+        put_down,
+        "whether the hand holds something: picking up and putting down look alike",
+    ),
+    Definition(
+        "lift",
+        "Both wrists from waist height or less to over the shoulders, together.",
+        lift,
+        "whether the hands hold something",
+    ),
+    Definition("crawl", "Hands at the floor and face down most of the time, on the way, the hands in turn.", crawl),
+)
+"""Actions of this module."""

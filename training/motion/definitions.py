@@ -1,0 +1,209 @@
+"""Measure the definitions of actions on the motion library and write their page: `python -m training.motion.definitions`.
+
+`definition_clips.toml` holds which clips show which action. Subjects are split in two: the clips of one half set the
+limits of the definitions, those of the other half were not looked at for that.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSignals, check
+from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
+from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
+from training.commands import plainly
+
+CLIPS = Path(__file__).with_name("definition_clips.toml")
+"""Which clips show an action."""
+SEEDS = 20
+"""Motions of each action by rules."""
+_FIELDS = {"shown", "compatible", "mixed"}
+
+
+@dataclass(frozen=True)
+class Clips:
+    """Patterns of clips for and beside an action; all others count against it."""
+
+    shown: tuple[str, ...]
+    compatible: tuple[str, ...] = ()
+
+    def role(self, clip: LibraryClip) -> str:
+        """One of "shown", "compatible" and "other"."""
+        if _among(clip, self.shown):
+            return "shown"
+        return "compatible" if _among(clip, self.compatible) else "other"
+
+
+def _among(clip: LibraryClip, patterns: Iterable[str]) -> bool:
+    words = " ".join((clip.name, *clip.captions))
+    for pattern in patterns:
+        name, _, regex = pattern.partition("/")
+        if name in ("*", clip.action, clip.name) and re.search(regex, words):
+            return True
+    return False
+
+
+def read_clips(path: Path = CLIPS) -> dict[str, Clips]:
+    """Clips of each action that has any.
+
+    Raises
+    ------
+    ValueError
+        An action has no definition, or a field is unknown.
+    """
+    stored = tomllib.loads(path.read_text())
+    groups = stored["groups"]
+    found = {}
+    for action, fields in stored["actions"].items():
+        if action not in DEFINED_ACTIONS:
+            raise ValueError(f"{path.name}: action '{action}' has no definition")
+        if unknown := set(fields) - _FIELDS:
+            raise ValueError(f"{path.name}: {action}.{unknown.pop()} is unknown; allowed are {', '.join(_FIELDS)}")
+        compatible = [
+            name for each in fields["compatible"] for name in (groups[each[1:]] if each[0] == "@" else [each])
+        ]
+        mixed = groups["mixed"] if fields.get("mixed", True) else []
+        found[action] = Clips(tuple(fields["shown"]), (*compatible, *mixed))
+    return found
+
+
+def held_out_subjects(library: MotionLibrary) -> frozenset[str]:
+    """Every other subject, in the order of the number of their clips."""
+    counts = Counter(clip.subject for clip in library)
+    return frozenset(sorted(counts, key=lambda subject: (-counts[subject], subject))[1::2])
+
+
+@dataclass(frozen=True)
+class Rates:
+    """How often the definition of an action is right."""
+
+    action: str
+    true: tuple[int, int]
+    """Clips of the action found true, and all, of the held-out subjects."""
+    true_before: tuple[int, int]
+    """The same of the other subjects."""
+    refused: tuple[int, int]
+    """Other clips refused, and all, of the held-out subjects."""
+    refused_before: tuple[int, int]
+    """The same of the other subjects."""
+    disagreements: tuple[tuple[str, str], ...]
+    """(clip, reason) where definition and caption differ; an empty reason for a clip that is found true."""
+
+    @property
+    def reliable(self) -> bool:
+        """Whether at least 95 % of three or more clips are found true and at least 95 % of the others refused, over both
+        halves."""
+        true, shown = self.true[0] + self.true_before[0], self.true[1] + self.true_before[1]
+        refused, other = self.refused[0] + self.refused_before[0], self.refused[1] + self.refused_before[1]
+        return shown >= 3 and true >= 0.95 * shown and refused >= 0.95 * other
+
+
+def measure(
+    library: MotionLibrary, signals: dict[str, MotionSignals], actions: Sequence[str] | None = None
+) -> dict[str, Rates]:
+    """Rates of each action that has clips."""
+    held_out = held_out_subjects(library)
+    found = {}
+    for action, clips in read_clips().items():
+        if actions is not None and action not in actions:
+            continue
+        right: Counter[tuple[str, bool]] = Counter()
+        total: Counter[tuple[str, bool]] = Counter()
+        disagreements = []
+        for clip in library:
+            role = clips.role(clip)
+            if role == "compatible" or clip.name not in signals:
+                continue
+            verdict = check(signals[clip.name], action)
+            key = role, clip.subject in held_out
+            total[key] += 1
+            right[key] += verdict.true == (role == "shown")
+            if verdict.true != (role == "shown"):
+                disagreements.append((clip.name, "; ".join(verdict.reasons)))
+        counts = [(right[key], total[key]) for key in [(r, h) for r in ("shown", "other") for h in (True, False)]]
+        found[action] = Rates(action, *counts, tuple(disagreements))
+    return found
+
+
+def by_rules(seeds: int = SEEDS, duration: float = 6.0) -> dict[str, int]:
+    """Number of seeds of the kinematic synthesiser for which the definition of its action holds."""
+    source = KinematicSource(frame_rate=40.0)
+    return {
+        action: sum(check(source(action, duration, seed), action).true for seed in range(seeds)) for action in ACTIONS
+    }
+
+
+def _of(counts: tuple[int, int]) -> str:
+    return f"{counts[0]} of {counts[1]}" if counts[1] else "–"
+
+
+def page(library: MotionLibrary, rates: dict[str, Rates], rules: dict[str, int], seeds: int = SEEDS) -> str:
+    """The page of the actions in Markdown."""
+    lines = [
+        "# Actions and their definitions",
+        "",
+        "`is_true_of(motion, action)` says whether a motion shows an action; `check(motion, action).reasons` what is against",
+        "it. Both take motions of any rate, body, place and heading, on the floor z = 0. Lengths are those of a mean adult.",
+        "",
+        "```python",
+        "from rfgen_sionna.generative import MotionLibrary, check, is_true_of",
+        "",
+        'motion = MotionLibrary().motion("hdm05_bd_squat1Reps_002")',
+        'assert is_true_of(motion, "squat")',
+        'print(check(motion, "sit_down").reasons)',
+        "```",
+        "",
+        f"The definitions were measured on the {len(library)} clips of the motion library. Subjects are split in two: clips of",
+        "one half set the limits, clips of the *held-out* half were kept for measuring. *True*: clips of the action for which",
+        "the definition holds. *Refused*: clips of other actions for which it does not hold; clips that may show the action",
+        "beside their own (boxing has punches, dances have turns) count neither way, as `training/motion/definition_clips.toml`",
+        f"lists them. *By rules*: of {seeds} seeds of the kinematic synthesiser. Actions without clips have no measured rate.",
+        "`python -m training.motion.definitions` writes this page.",
+        "",
+        "| action | what must be true | true, held out | true, other half | refused, held out | by rules |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for action, definition in sorted(DEFINED_ACTIONS.items()):
+        sentence = definition.sentence
+        if definition.undecided:
+            sentence += f" Not decided: {definition.undecided}."
+        each = rates.get(action)
+        empty = each is None or not (each.true[1] or each.true_before[1])
+        cells = ["–", "–"] if each is None or empty else [_of(each.true), _of(each.true_before)]
+        refused = "–" if each is None or not each.refused[1] else f"{100 * each.refused[0] / each.refused[1]:.1f} %"
+        made = f"{rules[action]} of {seeds}" if action in rules else "–"
+        lines.append(f"| `{action}` | {sentence} | {cells[0]} | {cells[1]} | {refused} | {made} |")
+    lines += [
+        "",
+        "## Clips that do not show what their action says",
+        "",
+        "By the definitions; some are wrong labels, some hold only a part of the action, some are at the edge.",
+        "",
+    ]
+    for action, each in sorted(rates.items()):
+        lines += [f"- `{name}` ({action}): {reason}" for name, reason in each.disagreements if reason]
+    return "\n".join(lines) + "\n"
+
+
+@plainly
+def main(out: Annotated[Path, typer.Option(help="Page to write.")] = Path("docs/actions.md")) -> None:
+    """Measure the definitions of actions on the motion library and write their page."""
+    library = MotionLibrary()
+    signals = {clip.name: MotionSignals(library.motion(clip.name)) for clip in library}
+    rates = measure(library, signals)
+    out.write_text(page(library, rates, by_rules()), encoding="utf-8")
+    good = sum(each.reliable for each in rates.values())
+    Console().print(f"{out}: {len(DEFINED_ACTIONS)} actions, {len(rates)} measured, {good} of them right on 95 %")
+
+
+if __name__ == "__main__":
+    typer.run(main)
