@@ -12,7 +12,7 @@ from rfgen_sionna.generative.things.animals import AnimalBody, animal
 from rfgen_sionna.generative.things.articulated import ArticulatedSequence
 from rfgen_sionna.generative.things.thing_kind import BuildRequest, ThingAction, ThingKind, ThingParameter
 
-WALK = r"(?:<walk>|<stroll>|<pace>|<go|went>|<come|came>|<move>|<approach>)"
+WALK = r"(?:<walk>|<stroll>|<pace>)"
 STAND = r"(?:<stand|stood>(?! up)|<stay>|<wait>|<remain>)(?: (?:still|there|idle))*|still|idle|motionless|at rest"
 _WING_BEATS = 3
 """Wing beats in the clip of flight."""

@@ -102,7 +102,7 @@ def _take_subject(reader: Reader) -> ThingKind | None:
     counted = bool(count) and compile_pattern("<n>").fullmatch(str(count)) is not None and number(str(count)) != 1.0
     noun = match.group().split()[-1]
     plural = noun.endswith("s") and not noun.endswith(("bus", "ss")) and not match.group().startswith(("person", "man"))
-    if counted or plural:
+    if counted or (plural and name != "curtain"):
         raise PromptError(
             f"target: {(str(count or '') + ' ' + match.group()).strip()!r} is more than one; a prompt describes one, a "
             "Simulator takes several actors"
@@ -200,6 +200,8 @@ class _Reading:
             if self.take("way", pattern, way, f"moves: {way}"):
                 ways.append(way)
         self._actions()
+        if moves and "action" not in self.found and self.take("moves", thing_words.MOVE, True, "moves"):
+            ways.append("")
         self._orientations()
         other = compile_pattern(thing_words.OTHER_WAYS).search(reader.text) if moves else None
         if other:

@@ -39,11 +39,15 @@ MOVING_WAYS: tuple[tuple[str, str], ...] = (
 WAYS: tuple[tuple[str, str], ...] = (
     ("to", rf"{STRAIGHT}(?:towards?|up to|to|closer to) {RADAR}"),
     ("away", rf"{STRAIGHT}away(?: from {RADAR})?|from {RADAR} away"),
-    ("right", r"from (?:the )?left to (?:the )?right|from the left|(?:to )?(?:the )?right(?:wards?)?"),
-    ("left", r"from (?:the )?right to (?:the )?left|from the right|(?:to )?(?:the )?left(?:wards?)?"),
+    ("right", r"from (?:the )?left to (?:the )?right|from the left"),
+    ("left", r"from (?:the )?right to (?:the )?left|from the right"),
+    ("right", r"(?:to )?(?:the )?right(?:wards?)?"),
+    ("left", r"(?:to )?(?:the )?left(?:wards?)?"),
     ("past", rf"past(?: {RADAR})?|across(?: (?:{RADAR}|the (?:scene|view|room|street|road)))?|by(?= ,|$)"),
 )
 """Ways as seen from the radar."""
+MOVE = r"<move>|<go|went>|<come|came>|<travel>|<head>|in motion"
+"""Verbs of any gait."""
 OTHER_WAYS = (
     r"(?:in|around in|around) (?:a |the )?(?:circles?|loops?|squares?)|backwards?|back and forth|to and fro|forth and back|around|"
     r"<zigzag|zigzagging>|in zigzags?|<turn> (?:around|left|right)|upwards?|downwards?|<circle>|up and down"
