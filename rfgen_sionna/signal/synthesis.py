@@ -91,7 +91,7 @@ def synthesize(
     Returns
     -------
     (chirp, tx, rx, sample) [sqrt(W)], of the shape `radar.frame_shape`. They are complex for a real ADC as well, the
-    real part of which :func:`~rfgen_sionna.signal.receiver.receiver.receive` takes.
+    real part of which :func:`~rfgen_sionna.signal.receiver.reception.receive` takes.
 
     Raises
     ------

@@ -209,7 +209,7 @@ def test_a_bar_shows_the_progress(radar: Any, tmp_path: Path, capsys: pytest.Cap
 
 
 def test_a_receiver_is_a_table_a_file_or_a_record_everywhere(radar: Any, tmp_path: Path) -> None:
-    from rfgen_sionna.signal import DcOffset, Receiver, read_receiver
+    from rfgen_sionna.signal import DcOffset, Receiver, read_receiver, receive
 
     table = {"dc_offset": {"level_dbm": -95.0}}
     file = tmp_path / "board.toml"
@@ -219,3 +219,6 @@ def test_a_receiver_is_a_table_a_file_or_a_record_everywhere(radar: Any, tmp_pat
     for source in (table, file, str(file), read_receiver(table, radar)):
         np.testing.assert_array_equal(sim.adc(0.05, receiver=source).data, wanted)
         np.testing.assert_array_equal(next(sim.frames(0.05, receiver=source)).samples, wanted[0])
+        silent = receive(np.zeros(radar.frame_shape, np.complex128), radar, source, seed=0)
+        assert silent.full_scale is not None
+        assert np.abs(silent.samples.mean(axis=(0, 1, 3))).min() > 0  # the offset

@@ -7,7 +7,7 @@ import pytest
 
 from rfgen_sionna.radar import Adc
 from rfgen_sionna.signal import Receiver, receive
-from rfgen_sionna.signal.receiver.receiver import convert
+from rfgen_sionna.signal.receiver.reception import convert
 
 
 @pytest.mark.parametrize("bits", [6, 8, 12, 16])

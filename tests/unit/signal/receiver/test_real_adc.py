@@ -19,7 +19,7 @@ from rfgen_sionna.signal import (
     receive,
 )
 from rfgen_sionna.signal.receiver.interference import TRANSITION_SHARE
-from rfgen_sionna.signal.receiver.receiver import convert
+from rfgen_sionna.signal.receiver.reception import convert
 
 IDEAL = Receiver.ideal()
 
