@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import IntArray
 
 if TYPE_CHECKING:
@@ -97,8 +98,8 @@ STANDARD_LABELS: dict[str, Label] = {
 """Labels that this package writes."""
 
 
-@dataclass(frozen=True)
-class ActorInfo:
+@dataclass(frozen=True, repr=False)
+class ActorInfo(ShortRepr):
     """Constant properties of an actor; ValueError if the name, the faces or the face parts are invalid."""
 
     name: str

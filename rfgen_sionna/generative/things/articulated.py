@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
 
@@ -35,8 +36,8 @@ class ThingPart:
         return np.asarray(self.points(0.0) if callable(self.points) else self.points, np.float64)
 
 
-@dataclass(frozen=True, eq=False)
-class ArticulatedSequence:
+@dataclass(frozen=True, eq=False, repr=False)
+class ArticulatedSequence(ShortRepr):
     """Parts of a thing over time: a :class:`~rfgen_sionna.records.MeshSequence` without an end.
 
     Raises:
