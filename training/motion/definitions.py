@@ -1,4 +1,5 @@
-"""Measure the definitions of actions on the motion library and write their page: `python -m training.motion.definitions`.
+"""Measure the definitions of actions on the motion library and write their page:
+`python -m training.motion.definitions`.
 
 `definition_clips.toml` holds which clips show which action. Subjects are split in two: the clips of one half set the
 limits of the definitions, those of the other half were not looked at for that.
@@ -100,8 +101,8 @@ class Rates:
 
     @property
     def reliable(self) -> bool:
-        """Whether at least 95 % of three or more clips are found true and at least 95 % of the others refused, over both
-        halves."""
+        """Whether at least 95 % of three or more clips are found true and 95 % of the others refused, in both halves
+        together."""
         true, shown = self.true[0] + self.true_before[0], self.true[1] + self.true_before[1]
         refused, other = self.refused[0] + self.refused_before[0], self.refused[1] + self.refused_before[1]
         return shown >= 3 and true >= 0.95 * shown and refused >= 0.95 * other
@@ -151,8 +152,9 @@ def page(library: MotionLibrary, rates: dict[str, Rates], rules: dict[str, int],
     lines = [
         "# Actions and their definitions",
         "",
-        "`is_true_of(motion, action)` says whether a motion shows an action; `check(motion, action).reasons` what is against",
-        "it. Both take motions of any rate, body, place and heading, on the floor z = 0. Lengths are those of a mean adult.",
+        "`is_true_of(motion, action)` says whether a motion shows an action; `check(motion, action).reasons` what is",
+        "against it. Both take motions of any rate, body, place and heading, on the floor z = 0. Lengths are of a mean",
+        "adult.",
         "",
         "```python",
         "from rfgen_sionna.generative import MotionLibrary, check, is_true_of",
@@ -162,11 +164,12 @@ def page(library: MotionLibrary, rates: dict[str, Rates], rules: dict[str, int],
         'print(check(motion, "sit_down").reasons)',
         "```",
         "",
-        f"The definitions were measured on the {len(library)} clips of the motion library. Subjects are split in two: clips of",
-        "one half set the limits, clips of the *held-out* half were kept for measuring. *True*: clips of the action for which",
-        "the definition holds. *Refused*: clips of other actions for which it does not hold; clips that may show the action",
-        "beside their own (boxing has punches, dances have turns) count neither way, as `training/motion/definition_clips.toml`",
-        f"lists them. *By rules*: of {seeds} seeds of the kinematic synthesiser. Actions without clips have no measured rate.",
+        f"The definitions were measured on the {len(library)} clips of the motion library. Subjects are split in two:",
+        "clips of one half set the limits, clips of the *held-out* half were kept for measuring. *True*: clips of the",
+        "action for which the definition holds. *Refused*: clips of other actions for which it does not hold; clips that",
+        "may show the action beside their own (boxing has punches, dances have turns) count neither way, as",
+        f"`training/motion/definition_clips.toml` lists them. *By rules*: of {seeds} seeds of the kinematic synthesiser.",
+        "Actions without clips have no measured rate.",
         "`python -m training.motion.definitions` writes this page.",
         "",
         "| action | what must be true | true, held out | true, other half | refused, held out | by rules |",

@@ -37,8 +37,8 @@ def lying(s: MotionSignals) -> Flags:
 
 
 def seated(s: MotionSignals) -> Flags:
-    """(sample,) whether the person sits on a stool or chair: trunk up, thighs raised, the centre of mass too far behind the
-    feet for these to carry it, or the feet off the floor"""
+    """(sample,) whether the person sits on a stool or chair: trunk up, thighs raised, the centre of mass too far behind
+    the feet for these to carry it, or the feet off the floor"""
     behind = -s.ahead(s.mass[:, None] - s.pair("ankle"))[..., 0].max(axis=1)
     high = (s.pelvis_height > 0.32) & (s.pelvis_height < 0.92 * STANDING)
     hanging = (s.feet.min(axis=1) > 0.06) & (s.speed < 0.3) & ~s.airborne

@@ -286,7 +286,7 @@ class MotionSignals:
 
     @cached_property
     def airborne(self) -> Flags:
-        """(sample,) whether nothing carries: both feet are over the floor, and the centre of mass falls freely or nearly"""
+        """(sample,) whether nothing carries: both feet are over the floor, the centre of mass falls nearly freely"""
         off = (self.feet.min(axis=1) > 0.03) & (self.pelvis_height > 0.4 * STANDING)
         return off & (self.fall_of_mass > 3.5)
 

@@ -30,8 +30,8 @@ _SEGMENTS: tuple[tuple[str, str, float, float], ...] = (
 
 
 def centre_of_mass(joints: FloatArray) -> FloatArray:
-    """(..., 3) centre of mass [m] of a body with joint positions (..., 52, 3) [m], or (..., 22, 3) without fingers, whose
-    hands count at the wrists."""
+    """(..., 3) centre of mass [m] of a body with joint positions (..., 52, 3) [m], or (..., 22, 3) without fingers:
+    the hands count at the wrists then."""
     total = np.zeros((*joints.shape[:-2], 3))
     for upper, lower, share, at in _SEGMENTS:
         a = joints[..., JOINT[upper], :]
