@@ -38,6 +38,8 @@ class BoardFrames:
     """Name of the board where the file gives one."""
     devices: int = 1
     """Devices of 4 receivers at most, 4 in a cascade."""
+    iq_swap: bool = False
+    """Whether Q precedes I in recordings."""
 
     def __post_init__(self) -> None:
         if not self.receivers:
@@ -133,7 +135,7 @@ def on_board(frames: BoardFrames, board: Mapping[str, Any], board_path: Path, wh
             f"{where}: samples are complex; the receivers of '{name}' have one converter each, for real samples"
             f"{_other_boards(frames)}"
         )
-    table["adc"]["real"] = frames.real
+    table["adc"] |= {"real": frames.real, "iq_swap": frames.iq_swap}
     if frames.bits is not None:
         table["adc"]["bits"] = frames.bits
     table["transmitter"]["power_dbm"] -= frames.backoff_db

@@ -103,7 +103,7 @@ _SCHEMA: dict[str, dict[str, _Types]] = {
     | _keys((list,), "azimuth_deg", "azimuth_db", "elevation_deg", "elevation_db"),
     "transmitter": {"power_dbm": _NUMBER, "frequency_range_hz": (list,), "phase_step_deg": _NUMBER},
     "receiver": _keys(_NUMBER, "noise_figure_db", "temperature_k"),
-    "adc": {"bits": (int,), "full_scale_dbm": (*_NUMBER, str), "real": (bool,)},
+    "adc": {"bits": (int,), "full_scale_dbm": (*_NUMBER, str)} | _keys((bool,), "real", "iq_swap"),
     "preset": CHIRP
     | {"num_samples": (int,), "num_loops": (int,), "tx_order": (list,), "frame_period_s": _NUMBER}
     | {"multiplexing": (str,), "bpm_code": (list,), "doppler_bands": (int,)}
@@ -123,7 +123,7 @@ _OPTIONAL: dict[str, set[str]] = {
     "array": {"design_frequency_hz", *_POSITIONS["tx"], *_POSITIONS["rx"], *_POLARIZATIONS, *_PHASES},
     "pattern": {"kind", "file", *_CUTS},
     "transmitter": {"phase_step_deg"},
-    "adc": {"real"},
+    "adc": {"real", "iq_swap"},
     "preset": {*CHIRP, "tx_order", "multiplexing", "bpm_code", "doppler_bands", "profile", "slot", "max_range_m"},
     "slot": {"profile", "phase_deg", "advance_deg"},
 }

@@ -347,7 +347,7 @@ class Radar(ShortRepr):
             if values := record.pop(name):
                 record[name] = list(values)
         record |= {"waveform": waveform_record(self.waveform), "pattern": pattern_record(self.pattern)}
-        record["adc"] = {key: value for key, value in asdict(self.adc).items() if key != "real" or value}
+        record["adc"] = {key: value for key, value in asdict(self.adc).items() if value is not False}
         if self.trajectory is None:
             return record
         if not isinstance(self.trajectory, Trajectory):
@@ -377,6 +377,7 @@ class Radar(ShortRepr):
             backoff_db=0.0 if full is None else full - self.tx_power_dbm,
             real=self.adc.real,
             bits=self.adc.bits,
+            streamed=self.adc.real or self.adc.iq_swap,
         )
 
     @classmethod

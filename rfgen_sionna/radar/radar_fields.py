@@ -63,9 +63,7 @@ def radar_fields(config: dict[str, Any], preset: str | None, where: str, prefixe
         "noise_figure_db": float(config["receiver"]["noise_figure_db"]),
         "temperature": float(config["receiver"]["temperature_k"]),
         "frequency_range": tuple(map(float, config["transmitter"]["frequency_range_hz"])),
-        "adc": Adc(
-            config["adc"]["bits"], None if full_scale == "auto" else float(full_scale), config["adc"].get("real", False)
-        ),
+        "adc": Adc(**config["adc"] | {"full_scale_dbm": None if full_scale == "auto" else float(full_scale)}),
     }
 
 

@@ -78,7 +78,9 @@ def fields_from_record(record: Any, known: tuple[str, ...]) -> dict[str, Any]:
         "pattern": pattern_from_record(record["pattern"], partial(_keys, "radar record: pattern")),
     }
     if "adc" in record:
-        arguments["adc"] = Adc(**_keys("radar record: adc", record["adc"], Adc.__dataclass_fields__, ("real",)))
+        arguments["adc"] = Adc(
+            **_keys("radar record: adc", record["adc"], Adc.__dataclass_fields__, ("real", "iq_swap"))
+        )
     if record.get("trajectory") is not None:
         table = _keys("radar record: trajectory", record["trajectory"], Trajectory.__dataclass_fields__)
         arguments["trajectory"] = Trajectory(**table)

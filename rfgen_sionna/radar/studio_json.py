@@ -40,8 +40,6 @@ class StudioConfig:
     frames: BoardFrames
     num_frames: int
     """0 runs until the radar is stopped."""
-    iq_swap: bool
-    """Whether Q precedes I."""
     interleaved: bool
     """Whether all receivers of a sample stand side by side (chInterleave 0)."""
     lanes: int | None
@@ -92,9 +90,10 @@ def read_studio_config(config: Mapping[str, Any]) -> StudioConfig:
     backoff = common_backoff(profiles, fired)
     if backoff is None:
         raise ValueError("txOutPowerBackoffCode differs from Tx to Tx; the same for all of them is supported")
-    frames = BoardFrames(presets, receivers, output["b2AdcOutFmt"] == 0, 16, float(backoff), None, len(records))
     swap = bool(raw["rlDevDataFmtCfg_t"]["iqSwapSel"])
-    return StudioConfig(frames, num_frames, swap, interleave == 0, lanes)
+    real = output["b2AdcOutFmt"] == 0
+    frames = BoardFrames(presets, receivers, real, 16, float(backoff), devices=len(records), iq_swap=swap and not real)
+    return StudioConfig(frames, num_frames, interleave == 0, lanes)
 
 
 def _check_fixed(records: Sequence[Mapping[str, Any]]) -> None:

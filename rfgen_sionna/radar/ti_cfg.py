@@ -69,8 +69,7 @@ def read_ti_cfg(text: str, where: str) -> BoardFrames:
     problems = [problem for command in found for problem in command.problems()]
     by_key: dict[str, list[Command]] = {key: [] for key in SIGNATURES}
     for command in found:
-        if command.key in SIGNATURES:
-            by_key[command.key].append(command)
+        by_key.setdefault(command.key, []).append(command)
     needed = (*NEEDED, *(ADVANCED if _advanced(by_key) else ("frameCfg",)))
     missing = [name for name in needed if not by_key[name.lower()]]
     if missing:
@@ -132,7 +131,13 @@ class _CfgReader:
             self.real,
             _ADC_BITS[self.by_key["adccfg"][-1].integer("numADCBits")],
             float(backoff or 0),
+            iq_swap=not self.real and self._swapped(),
         )
+
+    def _swapped(self) -> bool:
+        """Whether the demonstration streams samples by LVDS (dataFmt 1), in the order of the ADC buffer, Q first."""
+        streams = any(command.arguments[2:3] == ("1",) for command in self.by_key.get("lvdsstreamcfg", ()))
+        return streams and any(buffer.integer("SampleSwap") for buffer in self.by_key["adcbufcfg"])
 
     def _real(self) -> bool:
         adc = self.by_key["adccfg"][-1]

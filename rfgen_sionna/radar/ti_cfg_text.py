@@ -53,6 +53,7 @@ def cfg_text(
     backoff_db: float,
     real: bool,
     bits: int,
+    streamed: bool,
 ) -> str:
     """Text of a `.cfg` with all commands that the demonstrations need.
 
@@ -70,6 +71,8 @@ def cfg_text(
         Tx power below the board's [dB]; whole numbers are written, others stated.
     real, bits
         Kind and bits of the samples.
+    streamed
+        Whether the board streams its samples by LVDS.
 
     Raises
     ------
@@ -124,7 +127,8 @@ def cfg_text(
         "clutterRemoval -1 0",
         "calibDcRangeSig -1 0 -5 8 256",
         "extendedMaxVelocity -1 0",
-        "lvdsStreamCfg -1 0 1 0",
+        "% lvdsStreamCfg -1 0 1 0 streams raw samples by LVDS" + ("" if real else ", Q before I"),
+        f"lvdsStreamCfg -1 0 {int(streamed)} 0",
         _bpm(chirps, order),
         f"compRangeBiasAndRxChanPhase 0.0 {pairs}",
         "measureRangeBiasAndRxChanPhase 0 1.5 0.2",

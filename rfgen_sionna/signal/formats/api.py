@@ -92,7 +92,8 @@ def open_capture(
         Truncated MATLAB files are always refused. Of a cascade without one device, the others are read
         (:func:`rfgen_sionna.signal.formats.cascade.read`).
     options
-        `lanes` of "dca1000", 2 or 4: LVDS lanes, where neither a JSON nor the board's name gives them.
+        `lanes` of "dca1000", 2 or 4: LVDS lanes, where neither a JSON nor the board's name gives them; `iq_swap`:
+        whether Q precedes I, as in recordings by TI's demonstrations (else `adc.iq_swap` of the radar).
 
     Raises
     ------

@@ -31,6 +31,7 @@ from rfgen_sionna.signal.formats.recorded_frames import (
     one_recording,
     open_stream,
     stored_receivers,
+    warn_if_mirrored,
 )
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, find_description
 from rfgen_sionna.signal.formats.studio_files import CONFIG, SETUP, find_files
@@ -71,12 +72,19 @@ def write(request: WriteRequest, *, lanes: int | None = None) -> CaptureReport:
 
 
 def read(
-    path: str | os.PathLike[str], radar: Radar | None = None, *, partial: bool = False, lanes: int | None = None
+    path: str | os.PathLike[str],
+    radar: Radar | None = None,
+    *,
+    partial: bool = False,
+    lanes: int | None = None,
+    iq_swap: bool | None = None,
 ) -> Capture:
     """Open a recording by its folder or any of its files; see `open_capture`.
 
     Without a sidecar, `radar` gives the hardware, and a `.mmwave.json` the waveform, the Tx elements that fire, and the
-    lanes. `lanes` are the LVDS lanes, 2 or 4; None takes those of the JSON, else of the board.
+    lanes. `lanes` are the LVDS lanes, 2 or 4; None takes those of the JSON, else of the board. `iq_swap` is whether Q
+    precedes I; None takes `adc.iq_swap` of the radar (in a `.cfg` SampleSwap, in a JSON iqSwapSel). Where neither a
+    sidecar nor a JSON confirms it, a spectrum with most of its energy at the far end is a :class:`CaptureWarning`.
     """
     recording = find_files(Path(path))
     sidecar, config = recording.sidecar, recording.config
@@ -94,6 +102,8 @@ def read(
     known = find_description(recording.data[0], sidecar, radar, configured, same, hint)
     if lanes is not None:
         known = replace(known, lanes=lanes, interleaved=None)
+    if iq_swap is not None:
+        known = replace(known, iq_swap=iq_swap)
     _device_band(known.radar)
     receivers = channel_numbers(known.radar.rx_names, "RX", RX_PER_DEVICE, "one device")
     layout = _layout(known, len(receivers))
@@ -120,6 +130,8 @@ def read(
             levels = levels[..., ::-1]
         return element_order(to_samples(levels), known.radar, receivers)
 
+    if frames and config is None and iq_swap is None and not sidecar.is_file():
+        warn_if_mirrored(frame(0), known, data)
     used = tuple(file for file in (config, recording.setup, sidecar) if file is not None and file.is_file())
     order: Order = "sample" if layout.interleaved else "receiver"
     times = known.times(frames)

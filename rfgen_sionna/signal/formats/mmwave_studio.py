@@ -94,9 +94,7 @@ def _read(path: Path, hardware: Radar, devices: int | None, preset: str | None) 
     except (AttributeError, TypeError, ValueError, IndexError) as error:
         raise CaptureFormatError(f"'{path}': {error}") from error
     times = periodic_times(studio.num_frames, radar) if studio.num_frames else None
-    return Description(
-        radar, frame_times=times, iq_swap=studio.iq_swap, lanes=studio.lanes, interleaved=studio.interleaved
-    )
+    return Description(radar, frame_times=times, lanes=studio.lanes, interleaved=studio.interleaved)
 
 
 def _with_frames(hardware: Radar, frames: BoardFrames, preset: str | None) -> Radar:
@@ -132,5 +130,5 @@ def _with_frames(hardware: Radar, frames: BoardFrames, preset: str | None) -> Ra
         rx_positions=hardware.rx_positions[heard],
         rx_phases_deg=tuple(rx_phases[index] for index in heard) if rx_phases else (),
         tx_power_dbm=hardware.tx_power_dbm - frames.backoff_db,
-        adc=replace(hardware.adc, real=frames.real),
+        adc=replace(hardware.adc, real=frames.real, iq_swap=frames.iq_swap),
     )

