@@ -57,10 +57,13 @@ class _Setup:
     device: str | None
 
     def find(self, name: str) -> Path:
-        """File of that name, in the folder of the setup or in its `fileBasePath`."""
+        """File of that name in any case, as on Windows, in the folder of the setup or in its `fileBasePath`."""
         folder = self.path.parent
         inside = folder / self.base.replace("\\", "/")
-        return inside / name if self.base and (inside / name).is_file() else folder / name
+        if self.base and (inside / name).is_file():
+            return inside / name
+        same = [file for file in folder.iterdir() if file.name.lower() == name.lower()]
+        return same[0] if len(same) == 1 else folder / name
 
 
 def find_files(path: Path) -> RecordedFiles:
@@ -80,7 +83,7 @@ def find_files(path: Path) -> RecordedFiles:
     if path.name.endswith(SETUP):
         setups = [setup for setup in setups if setup.path.name == path.name]
     elif path.suffix.lower() == ".json":
-        setups = [setup for setup in setups if setup.config == path.name]
+        setups = [setup for setup in setups if setup.find(setup.config).name == path.name]
     elif path.is_file():
         setups = [setup for setup in setups if path.name in (*setup.processed, *setup.raw)]
     if len(setups) > 1:

@@ -273,3 +273,11 @@ def test_a_cfg_that_is_the_radar_is_used(tmp_path: Path, cube: AdcCube, parts: A
     (folder / "profile.cfg").write_text(cube.radar.to_cfg())
     capture = open_capture(folder, radar=Radar.load(folder / "profile.cfg", board="awr1843"))
     np.testing.assert_array_equal(capture.cube().data, cube.data)
+
+
+def test_names_in_a_setup_are_those_of_windows_in_any_case(tmp_path: Path, cube: AdcCube, parts: Any) -> None:
+    content, config, setup = parts
+    record = {**setup, "configUsed": "C:\\ti\\ADC_DATA.mmwave.JSON"}
+    folder = lay(tmp_path / "s", {"adc_data.bin": content, "adc_data.mmwave.json": config, "x.setup.json": record})
+    for path in (folder, folder / "adc_data.mmwave.json"):
+        np.testing.assert_array_equal(open_capture(path, radar="awr1843").cube().data, cube.data)
