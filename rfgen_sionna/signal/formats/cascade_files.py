@@ -147,6 +147,15 @@ def _index(folder: Path, name: str, group: int, shape: Frames, partial: bool, ne
     entries = np.frombuffer(content, dtype=ENTRY, count=present, offset=HEADER.itemsize)
     if header["tag"] == FILE_TAG:
         entries = entries[:declared]
+    for number, entry in enumerate(entries):
+        device = int(entry["flags"]) >> 8
+        if is_entry(entry) and 0 < device < len(DEVICES) and DEVICES[device] != name:
+            warn_or_raise(
+                f"'{path}', frame {number}: flags 0x{entry['flags']:x} are those of {DEVICES[device]}: a file was "
+                "renamed, or belongs to another recording",
+                partial,
+            )
+            break
     usable: list[Any] = []
     for number, entry in enumerate(entries):
         usable.append(entry if shape.fits(entry) else None)

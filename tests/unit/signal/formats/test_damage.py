@@ -302,3 +302,16 @@ def test_another_radar_must_have_the_frames_of_the_capture(tmp_path: Path, captu
     assert read_capture(tmp_path, radar=moved).radar == moved
     with pytest.raises(CaptureFormatError, match="leave `radar` out"):
         read_capture(tmp_path, radar=awr1843(loops=8))
+
+
+def test_cascade_files_under_the_names_of_other_devices(tmp_path: Path) -> None:
+    """The flags of an index carry the number of its device: two slaves by each other's names are no permutation of
+    receivers in silence."""
+    write_capture(lsb_cube(cascade(), 1, 10), tmp_path, "cascade", scale=1.0)
+    for kind in ("data", "idx"):
+        first, second = (tmp_path / f"{name}_0000_{kind}.bin" for name in ("slave1", "slave2"))
+        first.rename(tmp_path / "aside")
+        second.rename(first)
+        (tmp_path / "aside").rename(second)
+    with pytest.raises(CaptureFormatError, match=r"slave1_0000_idx.bin', frame 0: flags 0x201 are those of slave2"):
+        open_capture(tmp_path)
