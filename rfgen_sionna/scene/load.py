@@ -76,8 +76,8 @@ def load_scene(
         return MeshScene(path, frequency=frequency, outside=outside, **of_file)
     without = ("materials", "default_material", "up", "scale") if path is None else ("up", "scale")
     if idle := [name for name in without if of_file[name] is not None]:
-        kind = "files" if path is None else "mesh files; a Mitsuba scene is in metres with z up"
-        raise ValueError(f"{', '.join(idle)}: only scenes of {kind} take it, leave it out")
+        kind = "files take it" if path is None else "mesh files take it, a Mitsuba scene is in metres with z up"
+        raise ValueError(f"{', '.join(idle)}: only scenes of {kind}; leave it out")
     if path is not None:
         name = path.parent.name if path.name == "scene.xml" else path.stem
         chosen = scene_materials(path, of_file["materials"] or {}, of_file["default_material"], outside)

@@ -27,7 +27,7 @@ def label_parts(
 
     Args:
         parts: parts of a file.
-        given: materials by names of materials or objects in the file; an empty text for none. A copy of Blender
+        given: materials by names of objects or else materials in the file; an empty text for none. A copy of Blender
             ("Glass.001") has the material of its original.
         owner: name of the mesh or scene, for messages.
         default: material of parts with unknown names; None refuses them.
@@ -45,15 +45,16 @@ def label_parts(
                 f"the file to materials is needed; {choices()}"
             )
         given = {}
-    labels, materials, unknown, used = list[str](), dict[str, str | Material](), dict[str, str](), set[str]()
+    labels, materials, unknown, known = list[str](), dict[str, str | Material](), dict[str, str](), set[str]()
     for part in parts:
         names = [name for name in (part.material, part.name) if name]
         keys = [key for name in names for key in (name, _COPY.sub("", name))]
+        known.update(keys)
         label = names[0] if names else owner
         chosen: str | Material | None = None
-        if key := next((key for key in keys if key in given), ""):
+        of_objects = (part.name, _COPY.sub("", part.name))  # more specific than a material
+        if key := next((key for key in (*of_objects, *keys) if key and key in given), ""):
             chosen, label = given[key], key
-            used.add(key)
         elif key := next((key for key in keys if canonical_name(key) in MATERIALS), ""):
             chosen, label = canonical_name(key), key
         elif default is not None:
@@ -64,7 +65,7 @@ def label_parts(
         if chosen is not None:
             materials[label] = chosen
     there = ", ".join(dict.fromkeys(repr(name) for part in parts for name in (part.material, part.name) if name))
-    if stray := [repr(key) for key in given if key not in used]:
+    if stray := [repr(key) for key in given if key not in known]:
         raise MaterialError(
             f"{owner}: {argument} names {', '.join(stray)}, which no part has; materials and objects of the file are "
             f"{there or 'without names'}"

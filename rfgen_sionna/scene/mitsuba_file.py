@@ -7,7 +7,7 @@ apart; there the vertices are read from the mesh files and transformed in double
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from xml.etree import ElementTree
@@ -29,13 +29,19 @@ FAR = 256.0
 FARTHEST = 2048.0
 """Coordinate [m] beyond which 32-bit floats are rounded by more than 0.1 mm."""
 _RADIO = ("radio-material", "itu-radio-material", "holder-material")
-_NO_MESHES = ("sphere", "cylinder", "disk", "bsplinecurve", "linearcurve", "sdfgrid", "ellipsoids")
+_NO_MESHES = ("sphere", "cylinder", "disk", "bsplinecurve", "linearcurve", "sdfgrid", "ellipsoids", "instance")
+_SHARED = "~material"
+"""Ending of a material with the name of an object."""
 _SINGLE_STEPS = 4.0
 """Roundings of a vertex by Mitsuba, in steps of 32-bit floats at the largest coordinate."""
 
 
-def scene_tree(path: Path) -> ElementTree.Element:
-    """Root of a Mitsuba scene file.
+def scene_tree(path: Path, own: Collection[str] = ()) -> ElementTree.Element:
+    """Root of a Mitsuba scene file, with an id for the material of each shape.
+
+    Args:
+        path: scene file.
+        own: names of shapes that get a material of their name, as do shapes without a material.
 
     Raises:
         SceneError: the file is no XML or no scene, has no shapes, or mesh files that do not exist.
@@ -57,6 +63,7 @@ def scene_tree(path: Path) -> ElementTree.Element:
     if missing := list(dict.fromkeys(str(file) for file in files if file is not None and not file.is_file())):
         shown = ", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if len(missing) > 5 else "")
         raise SceneError(f"scene file {str(path)!r}: mesh files do not exist: {shown}")
+    _name_materials(root, own)
     return root
 
 
@@ -67,7 +74,7 @@ def scene_materials(
 
     Args:
         path: scene file.
-        materials: materials by id, with or without "mat-".
+        materials: materials by id, with or without "mat-", or by names of shapes.
         default: material of ids that are unknown; None refuses them.
         outside: policy at frequencies that a source does not cover.
 
@@ -75,18 +82,20 @@ def scene_materials(
         SceneError: see :func:`scene_tree`.
         MaterialError: ids have no known material, or `materials` has others.
     """
-    root = scene_tree(path)
+    wanted = {bare_name(key): of for key, of in materials.items()}
+    root = scene_tree(path, wanted)
     every = [*root.findall("./bsdf"), *root.findall(".//shape/bsdf")]
     ids = {bsdf.get("id", ""): bsdf for bsdf in every if bsdf.get("id")}
-    wanted = {key.removeprefix("mat-"): of for key, of in materials.items()}
-    bare = [name.removeprefix("mat-") for name in ids]
+    bare = [bare_name(name) for name in ids]
     owner = f"scene {path.name!r}"
     if stray := [repr(key) for key in wanted if key not in bare]:
-        there = ", ".join(map(repr, bare)) or "none"
-        raise MaterialError(f"{owner}: materials names {', '.join(stray)}; materials of the file are {there}")
-    open_ids = [name for name, bsdf in ids.items() if name.removeprefix("mat-") in wanted or not _is_radio(name, bsdf)]
+        there = ", ".join(map(repr, dict.fromkeys([*bare, *shapes_by_name(path)]))) or "none"
+        raise MaterialError(
+            f"{owner}: materials names {', '.join(stray)}; materials and objects of the file are {there}"
+        )
+    open_ids = [name for name, bsdf in ids.items() if bare_name(name) in wanted or not _is_radio(name, bsdf)]
     none, no_faces = np.empty((0, 3)), np.empty((0, 3), np.int32)
-    parts = [MeshPart("", name.removeprefix("mat-"), none, no_faces) for name in open_ids]
+    parts = [MeshPart("", bare_name(name), none, no_faces) for name in open_ids]
     labels, chosen = label_parts(parts, wanted, owner, default, "materials", "default_material", "load_scene ")
     found = {}
     for name, label in zip(open_ids, labels, strict=True):
@@ -98,7 +107,7 @@ def scene_materials(
 def shapes_by_name(path: Path | None) -> dict[str, ElementTree.Element]:
     """Shapes of a Mitsuba scene file by the names of Sionna's objects; empty without a file."""
     shapes = () if path is None else scene_tree(path).iter("shape")
-    return {shape.get("id", "").removeprefix("mesh-"): shape for shape in shapes if shape.get("id")}
+    return {bare_name(shape.get("id")): shape for shape in shapes if shape.get("id")}
 
 
 def exact_mesh(
@@ -145,6 +154,44 @@ def exact_mesh(
         f"{np.spacing(np.float32(far)):.2g} m apart, and {problem}: give it as a PLY file near the origin with a "
         "<translate> of its `to_world`, or the whole scene as OBJ"
     )
+
+
+def bare_name(identifier: str | None) -> str:
+    """Name of a material or object in a file, without Blender's prefixes and the ending of :func:`_name_materials`."""
+    return (identifier or "").removeprefix("mat-").removeprefix("mesh-").removesuffix(_SHARED)
+
+
+def _name_materials(root: ElementTree.Element, own: Collection[str]) -> None:
+    """Give shapes of the names `own`, and those without a material, one of their name, and materials without an id
+    that of their shape; leave out materials that no shape has; tell materials from shapes of their name."""
+    ids = {bare_name(bsdf.get("id")): bsdf.get("id", "") for bsdf in root.iter("bsdf")}
+    names = set[str]()
+    for index, shape in enumerate(root.iter("shape")):
+        name = bare_name(shape.get("id")) or f"{shape.get('type')}_{index}"
+        names.add(name)
+        inside, references = shape.findall("bsdf"), shape.findall("ref")
+        if name in own and name not in ids:
+            for element in (*inside, *references):
+                shape.remove(element)
+            inside, references = [], []
+        if not inside and not references and name in ids:
+            ElementTree.SubElement(shape, "ref", {"id": ids[name]})
+        elif not inside and not references:
+            inside = [ElementTree.SubElement(shape, "bsdf", {"type": "diffuse"})]
+        for bsdf in inside:
+            if not bsdf.get("id"):
+                bsdf.set(
+                    "id", next((part.get("id", "") for part in bsdf.iter("bsdf") if part.get("id")), f"mat-{name}")
+                )
+    if root.find(".//include") is None:
+        used = {reference.get("id") for reference in root.iter("ref")}
+        for bsdf in root.findall("./bsdf"):
+            if bsdf.get("id") not in used:
+                root.remove(bsdf)
+    # Sionna refuses a material with the name of an object.
+    for element in (*root.iter("bsdf"), *root.iter("ref")):
+        if bare_name(element.get("id")) in names:
+            element.set("id", f"mat-{bare_name(element.get('id'))}{_SHARED}")
 
 
 def _is_radio(name: str, bsdf: ElementTree.Element) -> bool:

@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +19,7 @@ from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material, warn_uncovered
 from rfgen_sionna.scene.mesh import face_normals, used_vertices
-from rfgen_sionna.scene.mitsuba_file import exact_mesh, shapes_by_name
+from rfgen_sionna.scene.mitsuba_file import bare_name, exact_mesh, scene_tree, shapes_by_name
 from rfgen_sionna.scene.permittivity import Outside
 from rfgen_sionna.scene.scene_errors import MaterialError, SceneError
 
@@ -284,7 +285,8 @@ def _read(path: Path, variant: str, materials: Mapping[str, Material]) -> Any:
     resolver.append(str(path.parent))
     try:
         mi.set_file_resolver(resolver)
-        text = with_radio_materials(path.read_text(encoding="utf-8"), dict.fromkeys(materials, "vacuum"))
+        tree = scene_tree(path, list(map(bare_name, materials)))
+        text = with_radio_materials(ElementTree.tostring(tree, encoding="unicode"), dict.fromkeys(materials, "vacuum"))
         description = use_our_materials(process_xml(text, merge_shapes=False))
         return sionna.rt.Scene(mi_scene=mi.load_string(description, optimize=False))
     except SceneError:

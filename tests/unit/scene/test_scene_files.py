@@ -78,7 +78,7 @@ def test_a_scene_in_millimetres_is_told(tmp_path: Path) -> None:
 
 
 def test_arguments_without_effect_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="up: only scenes of mesh files; a Mitsuba scene is in metres"):
+    with pytest.raises(ValueError, match="up: only scenes of mesh files take it, a Mitsuba scene is in metres"):
         rfgen.load_scene("box", up="y")
     with pytest.raises(ValueError, match="materials, scale: only scenes of files take it"):
         rfgen.load_scene(None, materials={}, scale=2.0)
@@ -150,7 +150,7 @@ def test_a_material_object_keeps_its_thickness_in_a_mitsuba_scene(tmp_path: Path
         (SHAPE.format("ply", "no.ply", "", "a"), SceneError, r"mesh files do not exist: .*no\.ply"),
         ('<shape type="sphere" id="ball"/>', SceneError, r"shapes 'ball' \(sphere\) are no triangle meshes"),
         (
-            '<bsdf type="diffuse" id="mat-A"/><bsdf type="diffuse" id="mat-itu_b"/><shape type="cube"/>',
+            "".join(f'<shape type="cube"><bsdf type="diffuse" id="mat-{name}"/></shape>' for name in ("A", "itu_b")),
             MaterialError,
             r"no known material for 'A', 'itu_b'; give load_scene default_material=",
         ),
@@ -164,8 +164,53 @@ def test_what_a_mitsuba_file_lacks_is_told(tmp_path: Path, body: str, error: typ
 
 def test_materials_that_a_mitsuba_file_has_not_are_told(tmp_path: Path) -> None:
     WALL.export(tmp_path / "wall.ply")
-    with pytest.raises(MaterialError, match="materials names 'wall'; materials of the file are 'itu_concrete'"):
+    with pytest.raises(
+        MaterialError, match=r"materials names 'wall'; materials and objects .* are 'itu_concrete', 'Wall'"
+    ):
         rfgen.load_scene(write_xml(tmp_path / "w.xml", tmp_path / "wall.ply"), materials={"wall": "wood"})
+
+
+RECTANGLE = """<shape type="rectangle" id="{id}"><transform name="to_world"><rotate y="1" angle="-90"/>
+    <translate x="4" z="1"/></transform>{material}</shape>"""
+
+
+def materials_of(path: Path, body: str, encoding: str = "utf-8", **options: Any) -> dict[str, str]:
+    """Materials of the objects of a Mitsuba scene with a `body`."""
+    head = f'<?xml version="1.0" encoding="{encoding}"?>\n<scene version="2.1.0">'
+    path.write_bytes(f"{head}\n<!-- Möbel -->\n{body}</scene>".encode(encoding))
+    return {each.name: each.material for each in rfgen.load_scene(path, **options).objects}
+
+
+@pytest.mark.parametrize(
+    "material", ["", '<bsdf type="diffuse"/>', '<bsdf type="twosided"><bsdf type="plastic"/></bsdf>']
+)
+def test_a_shape_without_a_named_material_takes_it_by_its_own_name(tmp_path: Path, material: str) -> None:
+    path, body = tmp_path / "hand.xml", RECTANGLE.format(id="wall", material=material)
+    with pytest.raises(MaterialError, match=r"no known material for 'wall'; .*materials={'wall': 'concrete'}"):
+        materials_of(path, body)
+    assert materials_of(path, body, default_material="wood") == {"wall": "wood"}
+    assert materials_of(path, body, materials={"wall": "metal"}) == {"wall": "metal"}
+
+
+def test_an_object_of_a_mitsuba_scene_takes_another_material_than_the_rest(tmp_path: Path) -> None:
+    shapes = [RECTANGLE.format(id=name, material='<ref id="mat-Mat.001" name="bsdf"/>') for name in ("mesh-a", "b")]
+    body = '<bsdf type="diffuse" id="mat-Mat.001"/><bsdf type="diffuse" id="unused"/>' + "".join(shapes)
+    found = materials_of(tmp_path / "two.xml", body, materials={"Mat.001": "wood", "b": "glass"})
+    assert found == {"a": "wood", "b": "glass"}
+    with pytest.raises(MaterialError, match=r"names 'c'; materials and objects of the file are 'Mat.001', 'a', 'b'"):
+        materials_of(tmp_path / "two.xml", body, materials={"c": "glass"})
+
+
+@pytest.mark.parametrize("name", ["glass", "itu_glass", "Glass"])
+def test_an_object_may_have_the_name_of_its_material(tmp_path: Path, name: str) -> None:
+    body = f'<bsdf type="diffuse" id="mat-{name}"/>'
+    body += RECTANGLE.format(id=f"mesh-{name}", material=f'<ref id="mat-{name}"/>')
+    assert materials_of(tmp_path / "pane.xml", body, "iso-8859-1") == {name: "glass"}
+
+
+def test_an_object_is_more_specific_than_its_material(room: Path) -> None:
+    given = {"Mat.001": "wood", "Floor": "concrete", "Glass": "glass"}
+    assert rfgen.load_scene(room, materials=given).objects[0].material == "concrete"
 
 
 def wall_file(folder: Path, kind: str, offset: FloatArray) -> Path:
