@@ -15,23 +15,24 @@ _SPELLINGS = {
     "metal": _METALS, "vacuum": "air free_space", "pec": "perfect_conductor", "skin": "dry_skin human_skin",
     "clothing": "cloth cotton fabric linen polyester silk textile upholstery", "denim": "jeans", "wool": "felt fleece",
     "pmma": "acrylic acrylic_glass perspex plexiglas plexiglass", "polycarbonate": "lexan makrolon",
-    "ptfe": "teflon", "polyethylene": "hdpe ldpe polythene", "nylon": "polyamide", "pom": "acetal delrin",
+    "ptfe": "teflon", "polyethylene": "hdpe ldpe pe polythene", "nylon": "polyamide", "pom": "acetal delrin",
     "pet": "petg", "styrofoam": "eps expanded_polystyrene", "carbon_fibre": "carbon_fiber cfrp",
     "ceramic": "earthenware porcelain stoneware", "cardboard": "corrugated_board", "asphalt_concrete": "asphalt tarmac",
     "carpet_tile": "carpet", "vinyl_tile": "vinyl", "plasterboard": "drywall gypsum_board",
-    "water": "fresh_water liquid_water pure_water", "sea_water": "ocean_water salt_water seawater",
-    "snow": "dry_snow", "wet_soil": "mud moist_soil",
+    "polypropylene": "pp", "polystyrene": "ps", "water": "fresh_water h2o liquid_water pure_water", "snow": "dry_snow",
+    "sea_water": "ocean_water salt_water seawater", "wet_soil": "mud moist_soil",
 }  # fmt: skip
 ALIASES: dict[str, str] = {word: name for name, words in _SPELLINGS.items() for word in words.split()}
 """Other spellings of the names in :data:`~rfgen_sionna.scene.material_table.TABLE`."""
 
 _MEANINGS = {
-    "skin": "adult arm body child face finger flesh foot hand head human leg man muscle people person torso woman",
+    "skin": "adult arm blood body child face finger flesh foot hand head human leg man meat muscle people person torso "
+    "woman",
     "clothing": "clothes coat curtain dress garment jacket pullover shirt sofa sweater trousers",
-    "metal": "bicycle bike blade bumper can corner_reflector drone engine foil hood mirror paint pipe rail reflector "
-    "rim truck vehicle",
+    "metal": "appliance bicycle bike blade bumper can corner_reflector drone engine foil fridge hood mirror paint pipe "
+    "rail reflector rim stainless truck vehicle",
     "glass": "pane screen windscreen windshield window",
-    "water": "drink fluid lake liquid pool puddle rain river sweat",
+    "water": "beverage drink fluid lake liquid milk pool puddle rain river sweat",
     "concrete": "building cement masonry mortar pavement stone wall",
     "marble": "granite rock slate",
     "wood": "bamboo bark desk door furniture log mdf oak parquet pine table timber",
@@ -39,7 +40,7 @@ _MEANINGS = {
     "soil": "clay dirt earth gravel ground loam sand",
     "vegetation": "bush foliage grass leaf leaves plant tree",
     "asphalt_concrete": "road street tar",
-    "plastic": "bottle case casing epoxy housing polymer radome resin thermoplastic",
+    "plastic": "bottle case casing epoxy fiberglass fibreglass housing polymer radome resin thermoplastic",
     "rubber": "shoe silicone sole tire tyre wheel",
     "foam": "cushion mattress pillow sponge",
     "ice": "frost hail",
@@ -69,5 +70,7 @@ def suggested_material(name: str) -> str:
         for form in (phrase, phrase.removesuffix("s")):
             if found := form if form in TABLE else ALIASES.get(form, _HINTS.get(form, "")):
                 return found
-    close = get_close_matches("_".join(words), [*TABLE, *ALIASES], n=1, cutoff=0.8)
+    slip = "_".join(words)  # in spelling: "hair" is not "air", "bone" not "bronze"
+    near = [word for word in (*TABLE, *ALIASES) if word[0] == slip[:1] and abs(len(word) - len(slip)) < 2]
+    close = get_close_matches(slip, near, n=1, cutoff=0.8)
     return close[0] if close else ""

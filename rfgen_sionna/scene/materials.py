@@ -222,6 +222,8 @@ def _own_model(
     what: str, permittivity: float | complex, conductivity: float | None, loss_tangent: float | None
 ) -> Permittivity:
     """Model of a constant permittivity with a constant conductivity [S/m] or loss tangent."""
+    if not isinstance(permittivity, (int, float, complex, np.number)):
+        raise MaterialError(f"{what}: permittivity {permittivity!r}, one number is needed, such as 2.9 or 2.9-0.06j")
     eps = complex(permittivity)
     if sum((eps.imag != 0.0, conductivity is not None, loss_tangent is not None)) > 1:
         raise MaterialError(f"{what}: give its loss once: a complex permittivity, conductivity or loss_tangent")

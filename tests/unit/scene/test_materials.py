@@ -313,6 +313,7 @@ def test_an_own_material_is_one_line():
         ({"permittivity": 3 + 1j}, "an imaginary part of at most 0"),
         ({"permittivity": 3, "conductivity": -1}, "conductivity -1, a finite number that is not negative"),
         ({"permittivity": 3 - 1j, "loss_tangent": 0.1}, "give its loss once"),
+        ({"permittivity": [2.9, 3.0]}, "one number is needed"),
         ({"conductivity": 1.0}, "permittivity is needed, too"),
         ({"permittivity": 3, "temperature": 20}, "leave temperature out"),
     ],
@@ -337,6 +338,12 @@ def test_an_own_material_is_checked(arguments, message):
 )
 def test_hints_go_by_the_meaning(word, meant):
     with pytest.raises(MaterialError, match=rf"unknown material '{word}', did you mean '(?:{meant})'\?"):
+        material(word)
+
+
+@pytest.mark.parametrize("word", ["hair", "oil", "bone", "blinn1"])  # not air, soil, bronze, linen
+def test_another_word_of_similar_letters_is_no_hint(word):
+    with pytest.raises(MaterialError, match=rf"unknown material '{word}'; "):
         material(word)
 
 
