@@ -94,6 +94,7 @@ class MeshActor(ShortRepr):
         name: str | None = None,
         up: str | None = None,
         scale: float | None = None,
+        default_material: str | Material | None = None,
     ) -> Self:
         """A rigid actor.
 
@@ -108,19 +109,22 @@ class MeshActor(ShortRepr):
             up: up axis of the mesh, "x", "y", "z", "-x", "-y" or "-z"; None is "y" for glTF files, else "z". The front
                 of a mesh with y up is +z, as in glTF, and turns to +x.
             scale: metres per unit of the mesh, 0.001 for millimetres; None takes the unit of the file, else metres.
+            default_material: material of the parts of a mesh without a known one; None refuses them, with their names.
 
         Raises:
             MeshError: the mesh is not usable (:func:`rfgen_sionna.scene.mesh.check_mesh`).
             MaterialError: no material, or an unknown one.
             FileNotFoundError, IsADirectoryError: the path is no file.
-            ValueError: `up` is no axis, or `scale` is not positive.
+            ValueError: `up` is no axis, `scale` is not positive, or a `default_material` has no effect.
             TypeError: `mesh` is none of the above.
         """
         if isinstance(material, Material) or (isinstance(material, str) and material.strip()):
+            if default_material is not None:
+                raise ValueError("default_material: material gives one to the whole mesh, leave one of them out")
             rigid = RigidMesh.load(mesh, name, up=up, scale=scale)
             return cls(rigid, material, rigid.name, position, orientation, velocity, trajectory)
         parts, own_name = mesh_parts(mesh, name, up=up, scale=scale)
-        labels, materials = label_parts(parts, material, own_name)
+        labels, materials = label_parts(parts, material, own_name, default_material)
         labelled = [(label, part.vertices, part.faces) for label, part in zip(labels, parts, strict=True)]
         rigid = RigidMesh.of_parts(labelled, own_name)
         warn_of_units(rigid.name, rigid.points, size_limit(mesh, scale))

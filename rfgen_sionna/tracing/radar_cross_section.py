@@ -90,7 +90,7 @@ def rcs(
     azimuth: ArrayLike = 0.0,
     elevation: ArrayLike = 0.0,
     *,
-    material: str | Material = "metal",
+    material: str | Material | None = None,
     polarization: str = "VV",
     incident: tuple[float, float] | None = None,
     max_bounces: int | None = 1,
@@ -114,7 +114,8 @@ def rcs(
         Directions from the mesh to the receiver [degrees] in its frame (+x front, +y left, +z up), of shapes that
         broadcast.
     material
-        Material of a mesh, a name or :func:`rfgen_sionna.material`. Actors have their own.
+        Material of a mesh, a name or :func:`rfgen_sionna.material`; None takes those that a file names, and metal for
+        parts without. Actors have their own.
     polarization
         Polarisation of transmitter and receiver: "VV", "HH", or "VH" and "HV" for cross-polarised ones. V is in the
         plane of the direction and +z.
@@ -174,9 +175,15 @@ def rcs(
     )
 
 
-def _parts(mesh: Any, material: str | Material) -> tuple[list[RelativeObject], FloatArray, float]:
+def _parts(mesh: Any, material: str | Material | None) -> tuple[list[RelativeObject], FloatArray, float]:
     """Parts of one material each about the middle of the mesh, the middle (3,) [m] and the size [m]."""
-    actor = mesh if isinstance(mesh, MeshActor) else MeshActor.from_mesh(mesh, material=material, name="mesh")
+    if not isinstance(mesh, MeshActor):
+        default = "metal" if material is None else None
+        actor = MeshActor.from_mesh(mesh, material=material or "", default_material=default, name="mesh")
+    elif material is None:
+        actor = mesh
+    else:
+        raise ValueError(f"material is {material!r}: the actor {mesh.name!r} has its own, leave it out")
     shape = replace(actor, position=(0, 0, 0), orientation=(0, 0, 0), velocity=(0, 0, 0), trajectory=None)
     points = shape.vertices(0.0)[np.unique(shape.faces)]
     low, high = points.min(axis=0), points.max(axis=0)
@@ -210,6 +217,8 @@ def _directions(name: str, azimuth: ArrayLike, elevation: ArrayLike) -> FloatArr
     az, el = (np.radians(each.ravel()) for each in ends)
     if not (np.isfinite(az).all() and np.isfinite(el).all() and (np.abs(el) <= np.pi / 2 + 1e-9).all()):
         raise ValueError(f"{name}: finite angles [degrees] are needed, elevations of -90 … 90")
+    if not az.size:
+        raise ValueError(f"{name}: no angles given")
     zero = np.zeros_like(az)
     towards = np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=-1)
     left = np.stack([-np.sin(az), np.cos(az), zero], axis=-1)

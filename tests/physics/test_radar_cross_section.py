@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 import rfgen_sionna as rfgen
+from rfgen_sionna.scene import MATERIALS
 
 FREQUENCY = 77e9
 WAVELENGTH = 299792458.0 / FREQUENCY
@@ -92,6 +93,21 @@ def test_bistatic_plate_of_a_dielectric():
     assert normal.rcs == pytest.approx(SPECULAR / 9.0, rel=0.01)
 
 
+def test_a_file_gives_its_materials(tmp_path):
+    """A pane named so returns the power of glass; a plate without a known name is metal."""
+    eps = complex(MATERIALS["glass"].relative_permittivity(FREQUENCY))
+    shares = {"Glass.001": abs((1 - np.sqrt(eps)) / (1 + np.sqrt(eps))) ** 2, "Material.001": 1.0}
+    for name, share in shares.items():
+        pane = trimesh.Trimesh(PLATE.vertices, PLATE.faces)
+        pane.visual = trimesh.visual.TextureVisuals(material=trimesh.visual.material.PBRMaterial(name=name))
+        pane.export(tmp_path / "pane.glb")  # y up: +x of the file is the left
+        found = rfgen.rcs(tmp_path / "pane.glb", FREQUENCY, 90.0)
+        assert found.rcs == pytest.approx(share * SPECULAR, rel=0.01)
+    actor = rfgen.Actor.from_mesh(PLATE, material="glass")
+    with pytest.raises(ValueError, match="material is 'metal': the actor 'mesh' has its own"):
+        rfgen.rcs(actor, FREQUENCY, material="metal")
+
+
 def test_bistatic_of_one_direction_is_monostatic():
     """Cross-section and phase, by two independent ways."""
     box = trimesh.creation.box((0.05, 0.08, 0.06))
@@ -117,6 +133,7 @@ def test_actors_and_records():
         ({"frequency": 1e9}, r"k a is .* physical optics needs at least 3, 0\.286 m"),
         ({"frequency": 77.0}, r"frequency is 77\.0 Hz: a value in 1e8 … 1e12 Hz"),
         ({"azimuth": [0, np.nan]}, "finite angles"),
+        ({"azimuth": []}, "no angles given"),
         ({"elevation": 91.0}, r"elevations of -90 … 90"),
         ({"azimuth": 180.0, "incident": (0, 0)}, "bistatic angle is 180°, up to 150°"),
         ({"incident": (0, 0), "max_bounces": 2}, "max_bounces is 2: bistatic"),

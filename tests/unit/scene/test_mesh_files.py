@@ -285,3 +285,14 @@ def test_a_format_that_is_not_read_names_those_that_are(tmp_path: Path) -> None:
     (tmp_path / "car.fbx").write_bytes(b"Kaydara FBX Binary")
     with pytest.raises(MeshError, match=r"car\.fbx' cannot be read: .*; export it as glTF \(\.glb\), OBJ, PLY or STL"):
         rfgen.Actor.from_mesh(tmp_path / "car.fbx", material="metal")
+
+
+def test_parts_without_a_known_name_take_the_default_material(tmp_path: Path) -> None:
+    scene = trimesh.Scene({name: trimesh.creation.box() for name in ("Seat", "Wood")})
+    scene.export(tmp_path / "chair.glb")
+    chair = rfgen.Actor.from_mesh(tmp_path / "chair.glb", default_material="plastic")
+    assert dict(zip(chair.part_names, (each.name for each in chair.materials), strict=True)) == {
+        "Seat": "plastic", "Wood": "wood",
+    }  # fmt: skip
+    with pytest.raises(ValueError, match="default_material: material gives one to the whole mesh"):
+        rfgen.Actor.from_mesh(tmp_path / "chair.glb", material="metal", default_material="plastic")
