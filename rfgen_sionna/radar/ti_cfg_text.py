@@ -26,7 +26,11 @@ _FREQUENCY_STEP = {60: Decimal(2_700_000_000) / 2**26, 77: Decimal(3_600_000_000
 """Steps of the start frequency [Hz]; those of the slope are 900 of them a microsecond."""
 _MOST_LOOPS = 255
 _SAMPLE_RATE = (2e6, 37.5e6)
-_MOST_SAMPLES = 2048
+_RATES = ((r"wr16", 6.25e6), (r"wr(18|68|64)", 12.5e6), (r"wr(12|14)|2944", 18.75e6))
+"""Highest sample rate [Hz] by the name of a device, twice that of real samples (datasheets SWRS203; SWRS222, SWRS219;
+SWRS211, SWRS273)."""
+_BUFFER = 16384
+"""Bytes of a chirp's samples of all receivers (`numAdcSamples` of mmWaveLink)."""
 _LONGEST_FRAME = 1.342
 _ADC_BITS = {12: 0, 14: 1, 16: 2}
 _MOST_TX, _MOST_RX = 4, 4
@@ -34,7 +38,8 @@ _MOST_BACKOFF = 30  # [dB]
 _LONGEST = {"idle_time": 5.24287e-3, "adc_start_time": 40.95e-6, "ramp_end_time": 5e-3}
 """Longest times of a profile [s]."""
 _STEEPEST = {60: 6905, 77: 5510}
-"""Steepest slope in steps."""
+"""Steepest slope in steps; 2072 of the 77 GHz devices named in `_FIRST`."""
+_FIRST = re.compile(r"wr1[2468]", re.IGNORECASE)
 _MOST_VARIED = (Decimal("450e6"), Decimal("3.04e12"), Decimal("655.35e-6"), Decimal("655.35e-6"))
 """Largest variations of start frequency [Hz], slope [Hz/s], idle time, ADC start time [s]."""
 _MCUPLUS = re.compile(r"2[59]44|am27", re.IGNORECASE)
@@ -81,7 +86,7 @@ def cfg_text(
     """
     if _OTHER_MAKERS.match(name):
         raise RadarConfigError(f"radar '{name}' is not of TI, and has no .cfg")
-    band = _check(waveform, transmitters, receivers, bits)
+    band = _check(name, waveform, transmitters, receivers, bits, real)
     ddm = any(slot.advance_deg for slot in waveform.slots)
     if ddm and not real:
         raise RadarConfigError(
@@ -144,7 +149,9 @@ def cfg_text(
     return "\n".join(lines) + "\n"
 
 
-def _check(wave: Waveform, transmitters: Sequence[int], receivers: Sequence[int], bits: int) -> int:
+def _check(
+    name: str, wave: Waveform, transmitters: Sequence[int], receivers: Sequence[int], bits: int, real: bool
+) -> int:
     """Band of the device [GHz], after all limits are checked."""
     low, high = wave.sampled_band
     band = next((band for band, (first, last) in _BANDS.items() if first <= low and high <= last), None)
@@ -154,26 +161,35 @@ def _check(wave: Waveform, transmitters: Sequence[int], receivers: Sequence[int]
     limits = [
         ("the largest Tx number", max(transmitters), _MOST_TX),
         ("the largest Rx number", max(receivers), _MOST_RX),
-        ("waveform.num_samples", wave.num_samples, _MOST_SAMPLES),
         ("waveform.frame_period [s]", wave.frame_period, _LONGEST_FRAME),
     ]
     for what, value, most in limits:
         if value > most:
             raise RadarConfigError(f"{what} is {value:g}; a device of TI has at most {most:g}")
+    most = _BUFFER // (len(receivers) * (2 if real else 4))
+    if wave.num_samples > most:
+        raise RadarConfigError(
+            f"waveform.num_samples is {wave.num_samples}; the buffer of a device of TI has {most} "
+            f"{'real' if real else 'complex'} samples of {len(receivers)} receivers"
+        )
+    fastest = next((rate for pattern, rate in _RATES if re.search(pattern, name, re.IGNORECASE)), 22.5e6)
+    fastest = min(fastest * 2, _SAMPLE_RATE[1]) if real else fastest
     for profile in wave.profiles:
-        if not _SAMPLE_RATE[0] <= profile.sample_rate <= _SAMPLE_RATE[1]:
+        if not _SAMPLE_RATE[0] <= profile.sample_rate <= fastest:
             raise RadarConfigError(
-                f"waveform.sample_rate is {profile.sample_rate / 1e6:g} Msps; a device of TI has 2 … 37.5 Msps"
+                f"waveform.sample_rate is {profile.sample_rate / 1e6:g} Msps; '{name}' has 2 … {fastest / 1e6:g} Msps "
+                f"of {'real' if real else 'complex'} samples"
             )
-        for field, most in _LONGEST.items():
-            if (time := getattr(profile, field)) > most:
+        for field, longest in _LONGEST.items():
+            if (time := getattr(profile, field)) > longest:
                 raise RadarConfigError(
-                    f"waveform.{field} is {time * 1e6:g} us; a device of TI has at most {most * 1e6:g} us"
+                    f"waveform.{field} is {time * 1e6:g} us; a device of TI has at most {longest * 1e6:g} us"
                 )
-        steepest = float(_STEEPEST[band] * _FREQUENCY_STEP[band] * 900 * 10**6)
+        steps = 2072 if band == 77 and _FIRST.search(name) else _STEEPEST[band]
+        steepest = float(steps * _FREQUENCY_STEP[band] * 900 * 10**6)
         if abs(profile.slope) > steepest:
             raise RadarConfigError(
-                f"waveform.slope is {profile.slope / 1e12:g} MHz/us; a device of TI has at most {steepest / 1e12:.4g}"
+                f"waveform.slope is {profile.slope / 1e12:g} MHz/us; '{name}' has at most {steepest / 1e12:.4g}"
             )
     if bits not in _ADC_BITS:
         raise RadarConfigError(f"adc.bits is {bits}; a device of TI has 12, 14 or 16")

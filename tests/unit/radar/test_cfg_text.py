@@ -20,6 +20,8 @@ WRITTEN = [
     if re.match("[ai]wr", name) and preset != "ddm"
 ]
 
+LONG = {"slope": 1e12, "ramp_end_time": 600e-6, "num_loops": 4, "frame_period": 0.5}
+
 
 def again(radar: Radar, folder: Path) -> Radar:
     """The radar through its `.cfg`."""
@@ -150,6 +152,13 @@ TWO = Slot((0.0, 45.0, None)), Slot((None, None, 0.0))
         ("mmwcas", {}, "the largest Tx number is 12"),
         ("awr1843", {"sample_rate": 1e6, "num_samples": 32}, "waveform.sample_rate is 1 Msps"),
         ("awr1843", {"frame_period": 1.5}, "waveform.frame_period [s] is 1.5"),
+        ("awr1843", {"sample_rate": 20e6}, "waveform.sample_rate is 20 Msps; 'awr1843' has 2 … 12.5 Msps of complex"),
+        ("awr1642boost", {"sample_rate": 10e6}, "waveform.sample_rate is 10 Msps; 'awr1642boost' has 2 … 6.25 Msps"),
+        ("iwr1443boost", {"sample_rate": 18.76e6}, "'iwr1443boost' has 2 … 18.75 Msps of complex samples"),
+        ("awr2944evm", {"sample_rate": 40e6}, "'awr2944evm' has 2 … 37.5 Msps of real samples"),
+        ("awr1843", LONG | {"num_samples": 1025}, "num_samples is 1025; the buffer of a device of TI has 1024 complex"),
+        ("awr2944evm", LONG | {"num_samples": 2049}, "buffer of a device of TI has 2048 real samples of 4 receivers"),
+        ("awr1843", {"slope": 120e12, "num_samples": 100}, "waveform.slope is 120 MHz/us; 'awr1843' has at most 100"),
         ("awr1843", {"idle_time": 6e-3, "num_loops": 2}, "waveform.idle_time is 6000 us"),
         ("awr1843", {"slot_starts": (0.0, 80e-6, 160e-6), "loop_time": 300e-6}, "sets slot_starts or loop_time"),
         ("awr1843", {"tx_order": (), "slots": TWO}, "waveform.slots have the phases [{1: 0.0, 2: 45.0}]"),
