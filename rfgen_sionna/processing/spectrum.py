@@ -43,9 +43,13 @@ def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> Sample
     """Cube (..., chirp, tx, rx, sample), with `frames` exactly (frame, chirp, tx, rx, sample), as an array.
 
     A wrong shape, complex samples for a real ADC or real ones for another, and samples that are not finite are a
-    ValueError.
+    ValueError; other objects than arrays and radars are a TypeError.
     """
     array = np.asarray(cube)
+    if array.dtype.kind == "O":
+        raise TypeError(f"cube is a {type(cube).__name__}: its samples are needed (cube.data)")
+    if not hasattr(radar, "waveform"):
+        raise TypeError(f"radar is {radar!r}: a Radar is needed (Radar.load('awr1843'), or that of the capture)")
     axes = "(frame, chirp, tx, rx, sample)" if frames else "(..., chirp, tx, rx, sample)"
     if array.ndim < 4 or (frames and array.ndim != 5):
         raise ValueError(f"cube has shape {array.shape}: the axes {axes} are needed")

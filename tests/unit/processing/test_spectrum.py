@@ -1,6 +1,7 @@
 """Axes, levels and signs of range and Doppler spectra."""
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from rfgen_sionna.processing.spectrum import (
     taper,
     velocity_axis,
 )
+from rfgen_sionna.radar import Radar
 
 
 def test_axes_are_those_of_the_waveform(mmmesh):
@@ -126,3 +128,11 @@ def test_bad_cubes_are_named(mmmesh):
 
 def test_decibel_of_nothing_is_its_floor():
     np.testing.assert_allclose(decibel([1.0, 100.0, 0.0]), [0.0, 20.0, -400.0])
+
+
+def test_names_and_records_are_no_arrays() -> None:
+    radar, name, record = Radar.load("awr1843"), cast(Radar, "awr1843"), cast(np.ndarray, {})
+    with pytest.raises(TypeError, match=r"radar is 'awr1843': a Radar is needed"):
+        range_spectrum(np.zeros(radar.frame_shape, np.complex64), name)
+    with pytest.raises(TypeError, match=r"cube is a dict: its samples are needed \(cube.data\)"):
+        range_spectrum(record, radar)
