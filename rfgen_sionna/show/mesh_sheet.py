@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rfgen_sionna._types import FloatArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.show.style import INK, MUTED
 
@@ -24,8 +24,10 @@ COLOURS: Mapping[str, tuple[float, float, float]] = {
 _OTHER = (0.6, 0.6, 0.6)
 _COLUMNS = 5
 _LIGHT = np.array([0.45, -0.35, 0.82])
-_FINEST = 1.0 / 40.0
-"""Longest edge of drawn faces, as a share of the extent: faces are drawn from the farthest to the nearest."""
+_ELEVATION = np.radians(18.0)
+"""Of the eye [rad]."""
+_PIXELS = 400
+"""Rows and columns of the depth buffer, of which four make a pixel."""
 
 
 def draw_mesh_sheet(
@@ -60,35 +62,59 @@ def draw_mesh_sheet(
 
 def _draw(axes: Axes, actor: MeshActor, time: float, azimuth_deg: float) -> FloatArray:
     """Draw an actor in its own frame; its length, width and height [m]."""
-    import trimesh
-    from matplotlib.collections import PolyCollection
+    points = actor.sequence.vertices(time)
+    colours = np.array([COLOURS.get(each.name, _OTHER) for each in actor.materials])[actor.face_parts]
+    axes.imshow(shaded_picture(points, actor.sequence.faces, colours, azimuth_deg), interpolation="antialiased")
+    return np.asarray(np.ptp(points, axis=0))
 
-    points, faces = actor.sequence.vertices(time), actor.sequence.faces
-    size: FloatArray = np.ptp(points, axis=0)
-    points, faces, source = trimesh.remesh.subdivide_to_size(
-        points, faces, _FINEST * float(size.max()), max_iter=12, return_index=True
-    )
-    colours = np.array([COLOURS.get(each.name, _OTHER) for each in actor.materials])[actor.face_parts[source]]
+
+def shaded_picture(points: FloatArray, faces: IntArray, colours: FloatArray, azimuth_deg: float) -> FloatArray:
+    """(row, column, 4) picture of a mesh by a depth buffer, seen from ahead and above.
+
+    Args:
+        points: (vertex, 3) [m].
+        faces: (face, 3) vertex indices.
+        colours: (face, 3) red, green, blue, 0 … 1.
+        azimuth_deg: direction of the eye from +x, towards -y [degrees].
+    """
     c, s = np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg))
-    low, high = np.cos(np.radians(18.0)), np.sin(np.radians(18.0))
-    eye = np.array([c * low, -s * low, high])
-    right = np.array([s, c, 0.0])
-    up = np.cross(eye, right)
-    corners = points[faces]
+    low, high = np.cos(_ELEVATION), np.sin(_ELEVATION)
+    eye, right = np.array([c * low, -s * low, high]), np.array([s, c, 0.0])
+    view = np.stack([right, np.cross(eye, right), eye])  # to the right, up, towards the eye
+    seen = points @ view.T
+    middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    seen = (seen - middle) * _PIXELS / (1.05 * float(np.ptp(seen[:, :2], axis=0).max()))
+    corners = seen[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1)
-    normal /= np.maximum(length, 1e-15)[:, None]
-    seen = (normal @ eye > 0.0) & (length > 0.0)
-    order = np.flatnonzero(seen)[np.argsort((corners[seen] @ eye).mean(axis=1))]
-    shade = 0.35 + 0.65 * np.clip(normal @ (_LIGHT / np.linalg.norm(_LIGHT)), 0.0, 1.0)
-    flat = np.stack([corners @ right, corners @ up], axis=-1)[order]
-    drawn = np.clip(colours * shade[:, None], 0.0, 1.0)[order]
-    axes.add_collection(
-        PolyCollection(list(flat), facecolors=drawn, edgecolors=drawn, linewidths=0.3, rasterized=True)  # type: ignore[arg-type]
-    )
-    middle = 0.5 * (flat.min(axis=(0, 1)) + flat.max(axis=(0, 1)))
-    half = 0.53 * float(np.ptp(flat, axis=(0, 1)).max())
-    axes.set_xlim(middle[0] - half, middle[0] + half)
-    axes.set_ylim(middle[1] - half, middle[1] + half)
-    axes.set_aspect("equal")
-    return size
+    ahead = np.flatnonzero(normal[:, 2] > 1e-9)
+    normal = normal[ahead] / np.linalg.norm(normal[ahead], axis=1, keepdims=True)
+    shade = 0.35 + 0.65 * np.clip(normal @ (view @ _LIGHT) / np.linalg.norm(_LIGHT), 0.0, 1.0)
+    shaded = np.clip(colours[ahead] * shade[:, None], 0.0, 1.0)
+    places, owners = _filled(corners[ahead])
+    column, row = ((sign * places[:, k] + 0.5 * _PIXELS).astype(int) for k, sign in ((0, 1.0), (1, -1.0)))
+    order = np.argsort(places[:, 2])  # the nearest is written last
+    picture = np.zeros((_PIXELS, _PIXELS, 4))
+    picture[row[order], column[order], :3] = shaded[owners[order]]
+    picture[row, column, 3] = 1.0
+    return picture.reshape(_PIXELS // 2, 2, _PIXELS // 2, 2, 4).mean(axis=(1, 3))
+
+
+def _filled(corners: FloatArray) -> tuple[FloatArray, IntArray]:
+    """(point, 3) points less than a pixel apart on triangles (face, 3, 3), and the face of each."""
+    edges = np.linalg.norm((np.roll(corners, -1, axis=1) - corners)[..., :2], axis=2)
+    first = edges.argmax(axis=1)
+    turned = np.take_along_axis(corners, ((first[:, None] + np.arange(3)) % 3)[..., None], axis=1)
+    longest = edges.max(axis=1)
+    flat = turned[..., :2]
+    (ax, ay), (bx, by) = (np.moveaxis(flat[:, k] - flat[:, 0], 1, 0) for k in (1, 2))
+    height = np.abs(ax * by - ay * bx) / np.maximum(longest, 1e-9)
+    steps = 2 ** np.ceil(np.log2(np.maximum(1.5 * np.stack([longest, height], axis=1), 1.0))).astype(int)
+    points, owners = [], []
+    for along, across in np.unique(steps, axis=0):
+        own = np.flatnonzero((steps == (along, across)).all(axis=1))
+        u, v = (((np.arange(n) + 0.5) / n) for n in (along, across))
+        a, b, c = (turned[own, k][:, None, None] for k in range(3))
+        base = a + u[:, None, None] * (b - a)
+        points.append(((1.0 - v[:, None]) * base + v[:, None] * c).reshape(-1, 3))
+        owners.append(np.repeat(own, along * across))
+    return np.concatenate(points), np.concatenate(owners)

@@ -77,7 +77,7 @@ def animal_clips(path: Path = FOLDER / "animals.npz") -> Mapping[tuple[str, str]
         joints = tuple(names[record["animal"]])
         last = first + record.pop("frames") * len(joints) * 3
         positions = np.cumsum(steps[first:last].reshape(-1, len(joints), 3), axis=0, dtype=np.int16)
-        clip = AnimalClip(joint_names=joints, positions=positions * _STEP, **record)
+        clip = AnimalClip(joint_names=joints, positions=_STEP * positions.astype(np.float64), **record)
         found[clip.animal, clip.action] = clip
         first = last
     return found

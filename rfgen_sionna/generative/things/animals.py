@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.things.animal_clips import AnimalClip, animal_clips
+from rfgen_sionna.generative.things.animal_clips import AnimalClip, JointPath, animal_clips
 from rfgen_sionna.generative.things.articulated import ArticulatedSequence, ThingPart
 from rfgen_sionna.generative.things.generalized_cylinders import TubePath, tube
 from rfgen_sionna.generative.things.part_motion import Curve, Swing
@@ -49,17 +49,19 @@ class AnimalBody:
 def pairs(tubes: Sequence[BodyTube], left: str = "_L", right: str = "_R") -> list[BodyTube]:
     """Tubes of the left side, and those of the right one."""
 
-    def other(point: str | Mapping[str, float]) -> str | Mapping[str, float]:
-        if isinstance(point, str):
-            return point.removesuffix(left) + right if point.endswith(left) else point
-        return {str(other(name)): weight for name, weight in point.items()}
+    def opposite(name: str) -> str:
+        return name.removesuffix(left) + right if name.endswith(left) else name
+
+    def weights(point: Mapping[str, float]) -> dict[str, float]:
+        return {opposite(name): weight for name, weight in point.items()}
 
     found = []
     for each in tubes:
-        across = each.across if isinstance(each.across, tuple) else [dict(other(way)) for way in each.across]  # type: ignore[arg-type]
+        across = each.across if isinstance(each.across, tuple) else [weights(way) for way in each.across]
+        chain = [opposite(point) if isinstance(point, str) else weights(point) for point in each.chain]
         found += [
             BodyTube(f"left {each.part}", each.chain, each.wide, each.deep, each.across),
-            BodyTube(f"right {each.part}", [other(p) for p in each.chain], each.wide, each.deep, across),
+            BodyTube(f"right {each.part}", chain, each.wide, each.deep, across),
         ]
     return found
 
@@ -162,10 +164,11 @@ def animal(
         rate = 1.0 / float(np.sqrt(scale))
     pace = Pace(request.travelled if walks else None, rate, start)
     lift = scale * body.foot * girth
-    motion: AnimalMotion | BlendedMotion = AnimalMotion(clip, shape, scale, pace, lift)
+    before = AnimalMotion(clip, shape, scale, pace, lift)
+    motion: JointPath = before
     if last != first:
         after = AnimalMotion(animal_clips()[body.clips, last], shape, scale, pace, lift)
-        motion = BlendedMotion(motion, after, _CHANGE)
+        motion = BlendedMotion(before, after, _CHANGE)
     rest = AnimalMotion(animal_clips()[body.clips, "stand"], shape, scale, Pace(None, 0.0, 0.0), 0.0)(0.0)
     parts = []
     skin = material(coat)
@@ -174,7 +177,7 @@ def animal(
         for row, point in enumerate(each.chain):
             for name, weight in ({point: 1.0} if isinstance(point, str) else point).items():
                 points[row, index[name]] += weight
-        across: object = each.across
+        across: FloatArray = np.asarray(each.across if isinstance(each.across, tuple) else ())
         if not isinstance(each.across, tuple):
             across = np.zeros((len(each.across), len(index)))
             for row, way in enumerate(each.across):

@@ -48,11 +48,11 @@ def _pram(request: BuildRequest) -> ArticulatedSequence:
         block(0.42, 0.36, 0.14, -0.02, 0.0, 0.20).of("fabric")]  # fmt: skip
     found = painted_parts("body", [part.scaled(scale, 1.0, 1.0) for part in parts])
     for end, x, radius in (("rear", -0.34, 0.16), ("front", 0.36, 0.12)):
-        for side, y in (("left", half + 0.05), ("right", -half - 0.05)):
+        for name, y in (("left", half + 0.05), ("right", -half - 0.05)):
             wheel = spoked_wheel(radius, 0.016, 10)
             start = float(rng.uniform(0.0, 2.0 * np.pi))
             found += rolling_wheel(
-                f"{end} {side} wheel", wheel, (scale * x, y, radius), radius, request.travelled, start
+                f"{end} {name} wheel", wheel, (scale * x, y, radius), radius, request.travelled, start
             )
     return ArticulatedSequence(found)
 

@@ -47,11 +47,11 @@ def _vehicle(request: BuildRequest, name: str, kind: int, size: tuple[float, flo
         front_low, front_high = low[np.argsort(low[:, 1])[2:]], high[np.argsort(high[:, 1])[2:]]
         quad = np.stack([*sorted(front_low, key=lambda p: p[0]), *sorted(front_high, key=lambda p: -p[0])])
         parts.append(pane(quad, np.array([0.0, 1.0, 0.3]), "window"))
-        for side in (-1.0, 1.0):
-            a, b = (ends[ends[:, 0] * side > 0] for ends in (low, high))
+        for sign in (-1.0, 1.0):
+            a, b = (ends[ends[:, 0] * sign > 0] for ends in (low, high))
             (rear_low, fore_low), (rear_high, fore_high) = (sorted(each, key=lambda p: p[1]) for each in (a, b))
             door = np.stack([0.7 * fore_low + 0.3 * rear_low, fore_low, fore_high, 0.7 * fore_high + 0.3 * rear_high])
-            parts.append(pane(door, np.array([side, 0.0, 0.0]), "window"))
+            parts.append(pane(door, np.array([sign, 0.0, 0.0]), "window"))
     along, across, up = size
     body = [part.scaled(across, along, up).turned(-90.0) for part in parts]
     found = painted_parts("body", body)

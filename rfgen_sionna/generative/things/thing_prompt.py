@@ -53,9 +53,11 @@ def read_thing(prompt: str, negative: str = "", *, seed: int = 0) -> ThingPrompt
 
     Raises:
         PromptError: an unknown action, several of a thing, a number out of range, a negation, or a negative prompt.
+        TypeError: a prompt is not a text.
     """
-    if not isinstance(prompt, str) or not isinstance(negative, str):
-        return None
+    for name, given in (("prompt", prompt), ("negative", negative)):
+        if not isinstance(given, str):
+            raise TypeError(f"{name}: expected a text, got {type(given).__name__}")
     wanted, unwanted = split_negative(prompt)
     text, scenes = split_keyword(wanted)
     reader = Reader(text)

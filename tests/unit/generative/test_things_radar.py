@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -47,7 +49,8 @@ def test_a_fan_seen_from_its_front_moves_across() -> None:
         "fan", turns_per_second=20.0, diameter=0.4, height=1.0, position=(3, 0, 0), orientation=(np.pi / 2, 0, 0)
     )
     assert np.abs(speeds(ahead, part="blades")).max() < 0.15 * tip
-    assert np.abs(speeds(aside, 0.005, "blades")).max() > 0.7 * tip
+    found = np.concatenate([speeds(aside, t, "blades") for t in (0.0, 0.004, 0.008)])
+    assert 0.7 * tip < np.abs(found).max() < 1.1 * tip
 
 
 def test_a_door_returns_up_to_the_speed_of_its_edge() -> None:
@@ -81,9 +84,10 @@ def test_a_corner_reflector_returns_what_its_closed_form_says(edge: float, dista
 
 
 @pytest.mark.parametrize(
-    ("prompt", "kind", "action"), [("a dog runs at 5 m", "dog", "run"), ("a door opens", "door", "open")]
+    ("prompt", "kind", "action"),
+    [("a door opens", "door", "open"), pytest.param("a dog runs at 5 m", "dog", "run", marks=pytest.mark.slow)],
 )
-def test_labels_of_a_run_have_the_thing_and_its_action(tmp_path, prompt: str, kind: str, action: str) -> None:
+def test_labels_of_a_run_have_the_thing_and_its_action(tmp_path: Path, prompt: str, kind: str, action: str) -> None:
     """Never a person's; and an actor of several materials is written."""
     with rfgen.generate(prompt, duration=0.1, output=tmp_path / "run.h5", environment="none", device="cpu") as run:
         assert list(run.actors) == [kind]

@@ -1,5 +1,8 @@
 """Prompts about animals and things: the subject picks the kind, and every word has an effect or is named."""
 
+# A table of prompts reads best with one to a line.
+# ruff: noqa: E501
+
 from __future__ import annotations
 
 from pathlib import Path
