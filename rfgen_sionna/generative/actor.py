@@ -16,9 +16,10 @@ from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError, Rig, anima
 from rfgen_sionna.generative.bodies.gltf import is_animated, load_animation
 from rfgen_sionna.generative.bodies.measured_person import JointResidual, measured_person
 from rfgen_sionna.generative.bodies.sampled import MESH_SUFFIXES, load_mesh_sequence
+from rfgen_sionna.generative.checked_motion import performed_motion
 from rfgen_sionna.generative.decisions import Decision
 from rfgen_sionna.generative.driving import Drive
-from rfgen_sionna.generative.motion import ACTIONS, MotionSource, SentenceSource, Skeleton
+from rfgen_sionna.generative.motion import ACTIONS, MotionSource, SentenceSource
 from rfgen_sionna.generative.motion.clip_error import ClipError
 from rfgen_sionna.generative.motion.importers import MOTION_SUFFIXES, load_any_motion
 from rfgen_sionna.generative.motion.joint_recording import record_joints
@@ -165,7 +166,7 @@ class Actor(MeshActor):
                 _LOG.warning("body: muscle %g is out of reach at %g kg; the weight is kept", muscle, weight)
                 phenotype = replace(wanted, muscle=None)
                 rig = person(phenotype, seed=seed)
-        performed = _performed(said, duration, seed, rig.skeleton, source)
+        performed = performed_motion(said, duration, seed, rig.skeleton, source)
         way: list[Decision] = []
         if said.action == "walk":
             path, seen = walk_back(performed)
@@ -387,14 +388,3 @@ def _check(said: ScenePrompt, duration: float, source: MotionSource) -> None:
         raise PromptError(f"prompt: {said.sentence!r} needs a motion source that reads sentences, such as 'diffusion'")
     if not said.sentence and said.action not in ACTIONS:
         raise ValueError(f"action: {said.action!r} is unknown; allowed are {', '.join(ACTIONS)}")
-
-
-def _performed(said: ScenePrompt, duration: float, seed: int, skeleton: Skeleton, source: MotionSource) -> Motion:
-    """Motion of a prompt by its source."""
-    speed = 1.0 if said.speed is None else said.speed
-    if not (said.sentence and isinstance(source, SentenceSource)):
-        return source(said.action, duration, seed, skeleton=skeleton, hand=said.hand, speed=speed)
-    return source.generate(
-        said.sentence, duration=duration, seed=seed, negative=said.avoid, skeleton=skeleton, speed=speed,
-        action=said.action, arms=said.arms,
-    )  # fmt: skip

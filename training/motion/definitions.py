@@ -12,6 +12,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Annotated
 
@@ -39,6 +40,8 @@ class Clips:
 
     def role(self, clip: LibraryClip) -> str:
         """One of "shown", "compatible" and "other"."""
+        if clip.name in read_wrong():
+            return "compatible"
         if _among(clip, self.shown):
             return "shown"
         return "compatible" if _among(clip, self.compatible) else "other"
@@ -51,6 +54,12 @@ def _among(clip: LibraryClip, patterns: Iterable[str]) -> bool:
         if name in ("*", clip.action, clip.name) and re.search(regex, words):
             return True
     return False
+
+
+@cache
+def read_wrong(path: Path = CLIPS) -> dict[str, str]:
+    """Clips that do not show what their captions say, with the reason; they count neither way."""
+    return dict(tomllib.loads(path.read_text())["wrong"])
 
 
 def read_clips(path: Path = CLIPS) -> dict[str, Clips]:
@@ -166,9 +175,9 @@ def page(library: MotionLibrary, rates: dict[str, Rates], rules: dict[str, int],
         "",
         f"The definitions were measured on the {len(library)} clips of the motion library. Subjects are split in two:",
         "clips of one half set the limits, clips of the *held-out* half were kept for measuring. *True*: clips of the",
-        "action for which the definition holds. *Refused*: clips of other actions for which it does not hold; clips that",
-        "may show the action beside their own (boxing has punches, dances have turns) count neither way, as",
-        f"`training/motion/definition_clips.toml` lists them. *By rules*: of {seeds} seeds of the kinematic synthesiser.",
+        "action for which the definition holds. *Refused*: clips of other actions for which it does not. Clips that",
+        "may show the action beside their own (boxing has punches, dances have turns) count neither way;",
+        f"`training/motion/definition_clips.toml` lists them. *By rules*: of {seeds} seeds of the synthesiser.",
         "Actions without clips have no measured rate.",
         "`python -m training.motion.definitions` writes this page.",
         "",
@@ -189,7 +198,11 @@ def page(library: MotionLibrary, rates: dict[str, Rates], rules: dict[str, int],
         "",
         "## Clips that do not show what their action says",
         "",
-        "By the definitions; some are wrong labels, some hold only a part of the action, some are at the edge.",
+        "Seen in stick figures, and left out of the rates:",
+        "",
+        *(f"- `{name}`: {reason}" for name, reason in sorted(read_wrong().items())),
+        "",
+        "By the definitions; some hold only a part of the action, some are at the edge:",
         "",
     ]
     for action, each in sorted(rates.items()):

@@ -124,10 +124,11 @@ def _descent(s: MotionSignals) -> tuple[int, float]:
 
 
 def lie_down(s: MotionSignals) -> Requirements:
+    down = lying(s)
     return [
         at_least("highest pelvis in the first half [m]", s.pelvis_height[: len(s.time) // 2 + 1].max(), 0.42),
-        at_least("share of the last 0.3 s with pelvis and head at the floor", share(lying(s)[LAST]), 0.8),
-        at_most("share of the first 0.3 s with pelvis and head at the floor", share(lying(s)[FIRST]), 0.2),
+        at_least("longest time with pelvis and head at the floor in the last second [s]", longest(down[-20:]), 0.25),
+        at_most("share of the first 0.3 s with pelvis and head at the floor", share(down[FIRST]), 0.2),
         at_most("fastest descent of the head over 0.2 s [m/s]", _descent(s)[1], 2.5),
     ]
 
@@ -212,7 +213,7 @@ def kneel(s: MotionSignals) -> Requirements:
     return [at_least("longest time on a knee, trunk up [s]", longest(down & (s.inclination < 85.0)), 0.8)]
 
 
-def bend(s: MotionSignals) -> Requirements:
+def bends_forward(s: MotionSignals) -> Requirements:
     return [
         at_least(
             "longest time bent by 40 degrees or more on the feet [s]",
@@ -227,7 +228,7 @@ def bend(s: MotionSignals) -> Requirements:
     ]
 
 
-def bow(s: MotionSignals) -> Requirements:
+def bows_down(s: MotionSignals) -> Requirements:
     still = smooth(s.speed, 0.8) < 0.35
     deepest = int(np.argmax(np.where(still & (s.feet.max(axis=1) < 0.1), s.inclination, 0.0)))
     return [
@@ -321,9 +322,11 @@ DEFINITIONS = (
         squat,
     ),
     Definition("kneel", "On a knee for 0.8 s or more, trunk up, pelvis over the floor.", kneel),
-    Definition("bend", "Trunk inclined by 40 degrees or more on the feet, in about one place.", bend),
+    Definition("bend", "Trunk inclined by 40 degrees or more on the feet, in about one place.", bends_forward),
     Definition(
-        "bow", "Trunk inclined by 22 degrees or more on nearly straight legs and back up, hands not at the floor.", bow
+        "bow",
+        "Trunk inclined by 22 degrees or more on nearly straight legs and back up, hands not at the floor.",
+        bows_down,
     ),
     Definition(
         "pick_up",

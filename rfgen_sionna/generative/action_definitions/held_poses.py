@@ -192,7 +192,7 @@ def look_around(s: MotionSignals) -> Requirements:
     ]
 
 
-def stretch(s: MotionSignals) -> Requirements:
+def stretches_arms(s: MotionSignals) -> Requirements:
     up = (s.hands_over_shoulders > 0.25).all(axis=1) & _straight(s).all(axis=1)
     wide = horizontal(s).all(axis=1) & _sideways(s)
     return [
@@ -269,6 +269,6 @@ DEFINITIONS = (
     Definition(
         "look_around", "The gaze turns from side to side by 40 degrees or more, in about one place.", look_around
     ),
-    Definition("stretch", "Both arms stretched up or out for 0.4 s or more, in one place.", stretch),
+    Definition("stretch", "Both arms stretched up or out for 0.4 s or more, in one place.", stretches_arms),
 )
 """Actions of this module."""

@@ -45,7 +45,7 @@ def share(flags: Flags) -> float:
 
 def swings(values: FloatArray, size: float) -> int:
     """Number of moves of a signal from one turning point to the next that are at least `size` large."""
-    return len(turning_points(values, size)) - 1
+    return max(len(turning_points(values, size)) - 1, 0)
 
 
 def turning_points(values: FloatArray, size: float) -> list[int]:

@@ -1,4 +1,4 @@
-"""Definitions of actions: true of real clips of the action, not of others, whatever the body, place, heading or rate."""
+"""Definitions of actions: true of real clips of the action, not of others, whatever the body, place or rate."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSignals, check, is_true_of
 from rfgen_sionna.generative.action_definitions.motion_signals import STANDING
 from rfgen_sionna.generative.action_definitions.sampled_series import swings, turning_points
+from rfgen_sionna.generative.checked_motion import CHECKED, true_motion
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion_library import MotionLibrary
+from rfgen_sionna.generative.prompts import PromptError
 from rfgen_sionna.records import Motion
 from training.motion.definitions import measure, read_clips
 
@@ -56,6 +58,8 @@ FALSE = {
     "hop": ("walk", "lie_down", "punch"),
 }
 """Action -> actions whose clips do not show it."""
+
+AWAY = np.array([3.0, -2.0, 0.0])
 
 
 @cache
@@ -127,7 +131,7 @@ def test_place_and_heading_change_no_verdict(action: str) -> None:
     turn = Rotation.from_euler("z", 130.0, degrees=True)
     rotations = motion.rotations.copy()
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
-    moved = replace(motion, rotations=rotations, translation=turn.apply(motion.translation) + [3.0, -2.0, 0.0])
+    moved = replace(motion, rotations=rotations, translation=turn.apply(motion.translation) + AWAY)
     before, after = MotionSignals(motion), MotionSignals(moved)
     assert [check(before, each).true for each in DEFINED_ACTIONS] == [
         check(after, each).true for each in DEFINED_ACTIONS
@@ -153,7 +157,7 @@ def test_the_rate_of_poses_changes_no_verdict() -> None:
 
 def test_a_fall_that_hovers_or_stands_again_is_refused() -> None:
     motion = library().motion(CLIPS["fall"])
-    hovering = replace(motion, translation=motion.translation + [0.0, 0.0, 0.3])
+    hovering = replace(motion, translation=motion.translation + np.array([0.0, 0.0, 0.3]))
     assert any("end" in reason for reason in check(hovering, "fall").reasons)
     again = replace(
         motion,
@@ -218,10 +222,32 @@ def test_every_pattern_of_clips_finds_some() -> None:
             assert found, f"{action}: no clip matches {pattern}"
 
 
+def test_a_learned_motion_that_does_not_show_its_label_is_made_again_or_refused() -> None:
+    fall, walk = library().motion(CLIPS["fall"]), library().motion(CLIPS["walk"])
+    seeds: list[int] = []
+
+    def make(seed: int) -> Motion:
+        seeds.append(seed)
+        return fall if len(seeds) == 3 else walk
+
+    assert true_motion(make, "fall", 7, list).seed == 7
+    first = list(seeds)
+    assert len(first) == 3
+    assert first[0] == 7
+    seeds.clear()
+    true_motion(make, "fall", 7, list)
+    assert seeds == first  # the further seeds follow from the given one
+    assert true_motion(lambda seed: walk, "walk", 0, list) is walk
+    assert true_motion(lambda seed: walk, "salsa", 0, list) is walk  # no reliable definition: unchecked
+    with pytest.raises(PromptError, match=r"none shows 'fall' .*at the end \[m\].*can do: walk, jump"):
+        true_motion(lambda seed: walk, "fall", 0, lambda: ["walk", "jump"])
+
+
 @pytest.mark.slow
 def test_definitions_are_right_on_captured_motion_of_people_not_looked_at() -> None:
     every = {clip.name: MotionSignals(library().motion(clip.name)) for clip in library()}
     rates = measure(library(), every)
+    assert all(rates[name].reliable for names in CHECKED.values() for name in names)
     assert sum(each.reliable for each in rates.values()) >= 38
     for action in ("walk", "run", "squat", "kick", "lie_down", "hop", "put_down", "reach", "sneak", "knee_to_elbow"):
         each = rates[action]
