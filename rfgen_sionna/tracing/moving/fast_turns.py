@@ -24,16 +24,19 @@ FAST_SPACING = 2.5e-3
 TURN_STEP = 0.6
 """Largest turn of a face per gap [rad] over the root of the tolerance: faces that come into view have kinks in their
 gains, at which splines err with the 1.5th power of the gap."""
+LARGE_TURN = 0.15
+"""Turn of most of a mesh per gap [rad] above which sample times follow the turn, whatever the size of the facets: faces
+come into view and leave it."""
 MIN_TURN = 2 * np.pi
 """Largest turning rate of any face [rad/s] for which facets stay as they are."""
 _FACETS_PER_AREA, _SAMPLE_COST = 6.0, 4000
 """Facets per area over the square of the limit, as bisection leaves edges of 0.7 to 1 of it; cost of a sample time, in
 facets."""
-_MAX_HALVINGS = 12
-LARGE_COST, MAX_COST = 5e6, 4e8
+_MAX_HALVINGS, _MAX_COMPARED = 12, 500
+LARGE_COST, MAX_COST = 5e6, 5e7
 """Facets times sample times of an interval above which a message states the cost, and above which it is refused."""
-SECONDS_PER_FACET, SECONDS_PER_TIME = 2.5e-6, 1e-2
-"""Time of a facet and of a sample time on one core [s]."""
+SECONDS_PER_FACET, SECONDS_PER_TIME, BYTES_PER_FACET = 5e-6, 1e-2, 1e3
+"""Time of a facet and of a sample time on one core [s], and memory of a facet at one time [bytes]."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -58,6 +61,15 @@ class FastTurn(NamedTuple):
     """Largest gap between sample times [s]."""
     facets: int
     """Estimated number of facets."""
+
+
+def _typical_rate(places: Sequence[Sequence[FloatArray]], faces: Sequence[IntArray], length: float) -> float:
+    """Turning rate [rad/s] that a fifth of the faces of the fastest mesh exceed: that of a rotor, not of an arm."""
+    spacing, found = length / (len(places) - 1), 0.0
+    for k, every in enumerate(faces):
+        if len(some := every[:: -(-len(every) // _MAX_COMPARED) or 1]):
+            found = max(found, float(np.quantile(turning_rates([each[k] for each in places], some, spacing), 0.8)))
+    return found
 
 
 def choose_facet_limits(
@@ -139,11 +151,14 @@ def choose_limited_sample_times(
     """
     known = positions, faces, closed, viewpoint, knots, frequency, tolerance
     choice = choose_sample_times(*known, max_spacing, indirect, pair, cancellation)
-    if choice.spacing < FAST_SPACING:
+    if len(knots) == 1:
+        return choice.times, choice.error
+    places, length = [positions(float(t)) for t in knots], float(knots[-1] - knots[0])
+    turns = _typical_rate(places, faces, length) * choice.spacing > LARGE_TURN
+    if turns or choice.spacing < FAST_SPACING:
         facets = sum(map(len, faces))
-        free = choice.spacing if choice.error <= choice.allowed else 0.0
-        given = float(knots[-1] - knots[0]), free, frequency, choice.allowed
-        fast = choose_facet_limits([positions(float(t)) for t in knots], faces, *given)
+        free = choice.spacing if choice.error <= choice.allowed and not turns else 0.0
+        fast = choose_facet_limits(places, faces, length, free, frequency, choice.allowed)
         if fast is not None:
             facets, edges, closer = fast.facets, limit(fast.longest_edges), min(fast.spacing, max_spacing)
             choice = choose_sample_times(*known, closer, indirect, pair, cancellation, edges)
@@ -165,10 +180,12 @@ def _state_cost(facets: int, times: FloatArray) -> None:
     if cost > MAX_COST:
         raise ValueError(
             f"the motion from {times[0]:.4f} to {times[-1]:.4f} s is so fast that {facets:,} facets at {len(times):,} "
-            f"sample times are needed; allowed are {MAX_COST:.0e} facets times sample times: {cure}"
+            f"sample times are needed, about {BYTES_PER_FACET * cost / 1e9:.2g} GB; allowed are {MAX_COST:.0e} facets "
+            f"times sample times: {cure}"
         )
     if cost > LARGE_COST:
         _LOG.warning(
-            "fast motion from %.4f to %.4f s takes %d facets at %d sample times, about %.0f s: %s to save time",
-            times[0], times[-1], facets, len(times), SECONDS_PER_FACET * cost + SECONDS_PER_TIME * len(times), cure,
+            "fast motion from %.4f to %.4f s takes %d facets at %d sample times, about %.0f s and %.2g GB: %s",
+            times[0], times[-1], facets, len(times), SECONDS_PER_FACET * cost + SECONDS_PER_TIME * len(times),
+            1e-9 * BYTES_PER_FACET * cost, cure,
         )  # fmt: skip
