@@ -213,7 +213,7 @@ def kneel(s: MotionSignals) -> Requirements:
     return [at_least("longest time on a knee, trunk up [s]", longest(down & (s.inclination < 85.0)), 0.8)]
 
 
-def bends_forward(s: MotionSignals) -> Requirements:
+def trunk_flexion(s: MotionSignals) -> Requirements:
     return [
         at_least(
             "longest time bent by 40 degrees or more on the feet [s]",
@@ -322,7 +322,7 @@ DEFINITIONS = (
         squat,
     ),
     Definition("kneel", "On a knee for 0.8 s or more, trunk up, pelvis over the floor.", kneel),
-    Definition("bend", "Trunk inclined by 40 degrees or more on the feet, in about one place.", bends_forward),
+    Definition("bend", "Trunk inclined by 40 degrees or more on the feet, in about one place.", trunk_flexion),
     Definition(
         "bow",
         "Trunk inclined by 22 degrees or more on nearly straight legs and back up, hands not at the floor.",
