@@ -98,7 +98,7 @@ def test_words_that_nobody_knows_are_the_nearest_action(source: SentenceSource) 
         "a person",
         "a person at 3 m",
         "two people dance",
-        "a dog runs",
+        "an elephant runs",
         "asdf",
         "a person dances at 2 m and at 3 m",
         "no jumping",
