@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.driving import Drive
+from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE
+from rfgen_sionna.generative.radar_placement import place_before_radar
 from rfgen_sionna.generative.things.animal_bodies import BIRD, CAT, DOG, HORSE
 from rfgen_sionna.generative.things.animals import froude_speed
 from rfgen_sionna.generative.things.articulated import ArticulatedSequence
@@ -18,6 +20,9 @@ from rfgen_sionna.generative.things.part_motion import Steady
 from rfgen_sionna.generative.things.thing_catalogue import thing_action, thing_kind
 from rfgen_sionna.generative.things.thing_kind import BuildRequest, ThingKind
 from rfgen_sionna.radar.pose import rotation_matrix
+
+if TYPE_CHECKING:
+    from rfgen_sionna.radar import Radar
 
 _ANIMALS = {"dog": (DOG, "height"), "cat": (CAT, "height"), "horse": (HORSE, "height"), "bird": (BIRD, "wing_span")}
 
@@ -150,6 +155,35 @@ def thing_fields(built: BuiltThing, name: str | None, position: Any, orientation
     if built.trajectory is not None:
         return fields | {"trajectory": built.trajectory}
     return fields | {"position": position, "orientation": orientation, "velocity": built.velocity}
+
+
+def named_thing(
+    name: str,
+    action: str | None,
+    seed: int,
+    speed: float | None,
+    path: ArrayLike | Drive | None,
+    position: ArrayLike | None,
+    orientation: ArrayLike | None,
+    label: str | None,
+    radar: Radar | None,
+    values: Mapping[str, float],
+) -> dict[str, Any]:
+    """Fields of the actor of a kind, with the arguments of :meth:`rfgen_sionna.Actor.thing`.
+
+    Raises:
+        ValueError: as :func:`build_thing`, and a position beside a path.
+    """
+    height = thing_action(thing_kind(name), action)[1].height
+    place, yaw = place_before_radar(radar, DEFAULT_DISTANCE)
+    at = (*place, height) if position is None else position
+    turned = (yaw, 0.0, 0.0) if orientation is None else orientation
+    built = build_thing(
+        name, action, seed=seed, speed=speed, path=path, yaw=yaw_of(turned), height=height, values=values
+    )
+    if built.trajectory is not None and position is not None:
+        raise ValueError(f"position: {position!r}, but the path gives the places: leave one out")
+    return thing_fields(built, label, at, turned)
 
 
 def half_extent(sequence: ArticulatedSequence) -> float:
