@@ -229,7 +229,7 @@ def test_show_after_generate_as_the_readme_has_it(rfgen: Rfgen) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["a dog walking"], "'dog'"),
+        (["an elephant walking"], "'elephant'"),
         (["a person walking", "--output", "there.h5"], "there.h5"),
         (["a person walking", "--output", "free.h5"], "free.png"),
         (["a person walking", "--output", "walk.png"], "picture"),
