@@ -7,12 +7,13 @@ package does not simulate, have mmWave Studio's defaults in files that it writes
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.radar.board_frames import FRAME, BoardFrames, enabled_rx, named_tx
+from rfgen_sionna.radar.board_frames import FRAME, BoardFrames, element_numbers, enabled_rx, named_tx
 from rfgen_sionna.radar.config import RadarConfigError
 from rfgen_sionna.radar.radar_fields import preset_waveform
 from rfgen_sionna.radar.studio_json import read_studio_config
@@ -108,6 +109,8 @@ def _with_frames(hardware: Radar, frames: BoardFrames, preset: str | None) -> Ra
         raise ValueError(f"preset is {preset!r}; presets: {', '.join(frames.presets)}")
     if hardware.adc.real and not frames.real:
         raise ValueError(f"b2AdcOutFmt is that of complex samples; radar '{hardware.name}' has real ones")
+    if not set(frames.transmitters) <= set(element_numbers(hardware.tx_names, "TX")):
+        hardware = _with_more_tx(hardware, frames.transmitters)
     try:
         values = named_tx(frames.presets[chosen], hardware.tx_names, hardware.name)
     except RadarConfigError as error:
@@ -132,3 +135,15 @@ def _with_frames(hardware: Radar, frames: BoardFrames, preset: str | None) -> Ra
         tx_power_dbm=hardware.tx_power_dbm - frames.backoff_db,
         adc=replace(hardware.adc, real=frames.real, iq_swap=frames.iq_swap),
     )
+
+
+def _with_more_tx(hardware: Radar, transmitters: Sequence[int]) -> Radar:
+    """A shipped board, as it ships, with a preset that fires `transmitters`; other radars as they are."""
+    place: dict[str, Any] = {"position": hardware.position, "orientation": hardware.orientation}
+    presets = Radar.available().get(hardware.name, ())
+    if hardware.preset not in presets or Radar.load(hardware.name, hardware.preset, **place) != hardware:
+        return hardware
+    boards = (Radar.load(hardware.name, preset, **place) for preset in presets)
+    fits = (board for board in boards if set(transmitters) <= set(element_numbers(board.tx_names, "TX")))
+    found = next(fits, None)
+    return hardware if found is None else replace(found, preset=hardware.preset)

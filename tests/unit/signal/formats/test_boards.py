@@ -20,7 +20,7 @@ from rfgen_sionna.signal.formats import (
     read_capture,
     write_capture,
 )
-from tests.unit.signal.formats.captures import awr1843, cascade, lsb_cube, position2go
+from tests.unit.signal.formats.captures import awr1843, cascade, lsb_cube, position2go, shortened
 
 
 def as_from_a_board(cube: AdcCube, folder: Path, capture_format: str) -> None:
@@ -163,8 +163,22 @@ def test_what_cannot_be_followed_is_named(tmp_path: Path, keys: list[Any], value
 
 def test_elements_that_the_hardware_lacks(tmp_path: Path) -> None:
     as_from_a_board(lsb_cube(awr1843(), 1, 100), tmp_path, "dca1000")
+    changed = Radar.load("awr1843", "di_gesture", overrides={"receiver.noise_figure_db": 9.0})
     with pytest.raises(CaptureFormatError, match="TX2 fires; radar 'awr1843' has TX1, TX3"):
-        open_capture(tmp_path, radar=Radar.load("awr1843", "di_gesture"))
+        open_capture(tmp_path, radar=changed)
+
+
+def test_a_board_has_all_its_tx_whatever_its_preset_fires(tmp_path: Path) -> None:
+    """The AWR2944EVM's default preset fires three of four Tx."""
+    radar = shortened("awr2944evm", "four_tx", 3, 8)
+    cube = lsb_cube(radar, 1, 100)
+    as_from_a_board(cube, tmp_path, "dca1000")
+    for hardware in ("awr2944evm", Radar.load("awr2944evm", position=(1, 2, 3), orientation=(0.1, 0, 0))):
+        capture = open_capture(tmp_path, radar=hardware)
+        assert capture.radar.tx_names == ("TX1", "TX2", "TX3", "TX4")
+        np.testing.assert_array_equal(capture.radar.tx_positions, radar.tx_positions)
+        np.testing.assert_array_equal(capture.frame(0), cube.data[0])
+    assert capture.radar.position == (1, 2, 3)
 
 
 @pytest.mark.parametrize(
