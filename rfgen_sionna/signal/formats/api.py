@@ -166,7 +166,7 @@ def _name_unused(capture: Capture, radar: Radar | str | os.PathLike[str] | None)
         and entry.name.split(".")[0].removesuffix("_config") not in others
     ]
     if unused:
-        used = ", ".join(file.name for file in capture.configs if file.is_file()) or "the argument radar"
+        used = ", ".join(file.name for file in capture.configs) or "the argument radar"
         warnings.warn(
             f"'{folder}': {', '.join(unused)} {'is' if len(unused) == 1 else 'are'} not used; the radar is that of "
             f"{used}",

@@ -75,9 +75,12 @@ class Capture(ShortRepr):
     seed: int | None
     _read: Callable[[int], NDArray[Any]]
     configs: tuple[Path, ...] = ()
-    """Configuration files beside the data that were read."""
+    """Configuration files beside the data that were read; those that do not exist are left out."""
     _order: Order | None = None
     """Order of the words in the file; None for floating-point formats, which have no losses."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "configs", tuple(file for file in self.configs if file.is_file()))
 
     def _facts(self) -> Iterable[str]:
         yield self.format
@@ -133,7 +136,7 @@ class Capture(ShortRepr):
     @property
     def _is_ours(self) -> bool:
         """Whether a sidecar of this package was read: frames of zeros may be a simulation of nothing."""
-        return any(file.name.endswith((".rfgen", ".rfgen.json")) and file.is_file() for file in self.configs)
+        return any(file.name.endswith((".rfgen", ".rfgen.json")) for file in self.configs)
 
     @property
     def complete_frames(self) -> tuple[int, ...]:

@@ -132,7 +132,7 @@ def read(
 
     if frames and config is None and iq_swap is None and not sidecar.is_file():
         warn_if_mirrored(frame(0), known, data)
-    used = tuple(file for file in (config, recording.setup, sidecar) if file is not None and file.is_file())
+    used = tuple(file for file in (config, recording.setup, sidecar) if file is not None)
     order: Order = "sample" if layout.interleaved else "receiver"
     times = known.times(frames)
     return Capture(NAME, recording.data, known.radar, times, known.scale, known.seed, frame, used, order)

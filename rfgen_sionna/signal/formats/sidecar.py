@@ -89,7 +89,9 @@ def find_description(
             check_config(known)
         return with_radar(known, radar, data)
     if radar is None:
-        raise CaptureFormatError(f"'{data}' has no '{sidecar.name}' beside it with its radar: pass radar={hint}")
+        raise CaptureFormatError(
+            f"'{data}' has no '{sidecar.name}' beside it with its radar: pass radar={hint} (--radar)"
+        )
     known = read_config(radar)
     return replace(known, iq_swap=known.radar.adc.iq_swap)
 
