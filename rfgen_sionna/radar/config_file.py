@@ -188,7 +188,7 @@ def _device_beside(config: Path) -> str | None:
             setup = _json(_text(path), path)
         except RadarConfigError:
             continue
-        if "configUsed" in setup and _config_used(setup) == config.name:
+        if "configUsed" in setup and _config_used(setup).lower() == config.name.lower():
             found.add(_device(setup))
     return found.pop() if len(found) == 1 else None
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from decimal import Decimal
 from typing import Any
 
@@ -36,20 +37,25 @@ def read_infineon(record: Mapping[str, Any], where: str) -> BoardFrames:
         Naming the field that is missing or not supported.
     """
     try:
-        config = record.get("device_config", record)
-        if "fmcw_single_shape" in config:
-            return _single_shape(config["fmcw_single_shape"])
-        if "fmcw_scene" in config:
-            raise ValueError("fmcw_scene has requirements, which the SDK turns into chirps; fmcw_single_shape is read")
-        if "sequence" in config:
-            return _sequence(config["sequence"])
-        if "chirp" in config:
-            return _simple(config)
-        raise ValueError(f"device_config has {', '.join(config)}; fmcw_single_shape, sequence or chirp is read")
+        frames = _frames(record.get("device_config", record))
+        device = record.get("device_info", {}).get("device_name")
+        return frames if device is None else replace(frames, board=str(device))
     except KeyError as error:
         raise RadarConfigError(f"{where} lacks {error}") from error
     except (TypeError, ValueError, AttributeError, IndexError) as error:
         raise RadarConfigError(f"{where}: {error}") from error
+
+
+def _frames(config: Mapping[str, Any]) -> BoardFrames:
+    if "fmcw_single_shape" in config:
+        return _single_shape(config["fmcw_single_shape"])
+    if "fmcw_scene" in config:
+        raise ValueError("fmcw_scene has requirements, which the SDK turns into chirps; fmcw_single_shape is read")
+    if "sequence" in config:
+        return _sequence(config["sequence"])
+    if "chirp" in config:
+        return _simple(config)
+    raise ValueError(f"device_config has {', '.join(config)}; fmcw_single_shape, sequence or chirp is read")
 
 
 def _single_shape(shape: Mapping[str, Any]) -> BoardFrames:

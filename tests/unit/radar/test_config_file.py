@@ -357,3 +357,14 @@ def test_text_in_utf_16(tmp_path: Path) -> None:
     path = tmp_path / "mine.cfg"
     path.write_text(Radar.load("awr1843").to_cfg(), encoding="utf-16")
     assert Radar.load(path, board="awr1843").waveform == Radar.load("awr1843").waveform
+
+
+def test_the_device_that_infineons_tools_name_counts(tmp_path: Path) -> None:
+    device = {"baseboard_name": "Radar Baseboard MCU7", "device_name": "BGT60TR13C"}
+    record: dict[str, Any] = {"device_config": {"fmcw_single_shape": SHAPE}, "device_info": device}
+    assert Radar.load(written(tmp_path / "a.json", record)).name == "bgt60tr13c"
+    device["device_name"] = "BGT60UTR11AIP"
+    path = written(tmp_path / "b.json", record)
+    with pytest.raises(RadarConfigError, match=r"b.json gives the device 'BGT60UTR11AIP'.* name it, board="):
+        Radar.load(path)
+    assert Radar.load(path, board="bgt60tr13c").name == "bgt60tr13c"
