@@ -98,7 +98,10 @@ def read(
     def configured(hardware: Radar) -> Description:
         return Description(hardware) if config is None else read_studio(config, hardware)
 
-    hint = f"'{recording.device}', the mmWaveDevice of '{recording.setup.name}'" if recording.setup else ""
+    if recording.setup and recording.device:
+        hint = f"'{recording.device}', the mmWaveDevice of '{recording.setup.name}'"
+    else:
+        hint = "" if config is None else f"'…', the board, which '{config.name}' does not name"
     known = find_description(recording.data[0], sidecar, radar, configured, same, hint)
     if lanes is not None:
         known = replace(known, lanes=lanes, interleaved=None)
