@@ -1,13 +1,13 @@
 """Measure the definitions of actions on the motion library and write their page:
 `python -m training.motion.definitions`.
 
-`definition_clips.toml` holds which clips show which action. Subjects are split in two: the clips of one half set the
-limits of the definitions, those of the other half were not looked at for that.
+`definition_clips.toml` holds which clips show which action. Subjects are split in two halves, measured each by itself.
 """
 
 from __future__ import annotations
 
 import re
+import textwrap
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -28,6 +28,14 @@ CLIPS = Path(__file__).with_name("definition_clips.toml")
 """Which clips show an action."""
 SEEDS = 20
 """Motions of each action by rules."""
+_MEASURED = (
+    "The definitions were measured on the {clips} clips of the motion library. *True*: clips of the action for "
+    "which the definition holds, of one half of the subjects and of the other. *Refused*: clips of other actions "
+    "for which it does not hold. Clips that may show the action beside their own (boxing has punches, dances have "
+    "turns) count neither way; `training/motion/definition_clips.toml` lists them. Disagreements in both halves led "
+    "to corrections, so no rate is one of people never seen. *By rules*: of {seeds} seeds of the synthesiser. "
+    "Actions without clips have no measured rate."
+)
 _FIELDS = {"shown", "compatible", "mixed"}
 
 
@@ -86,8 +94,8 @@ def read_clips(path: Path = CLIPS) -> dict[str, Clips]:
     return found
 
 
-def held_out_subjects(library: MotionLibrary) -> frozenset[str]:
-    """Every other subject, in the order of the number of their clips."""
+def half_of_subjects(library: MotionLibrary) -> frozenset[str]:
+    """One of two halves: every other subject, in the order of the number of their clips."""
     counts = Counter(clip.subject for clip in library)
     return frozenset(sorted(counts, key=lambda subject: (-counts[subject], subject))[1::2])
 
@@ -98,13 +106,13 @@ class Rates:
 
     action: str
     true: tuple[int, int]
-    """Clips of the action found true, and all, of the held-out subjects."""
+    """Clips of the action found true, and all, of one half of the subjects."""
     true_before: tuple[int, int]
-    """The same of the other subjects."""
+    """The same of the other half."""
     refused: tuple[int, int]
-    """Other clips refused, and all, of the held-out subjects."""
+    """Other clips refused, and all, of one half of the subjects."""
     refused_before: tuple[int, int]
-    """The same of the other subjects."""
+    """The same of the other half."""
     disagreements: tuple[tuple[str, str], ...]
     """(clip, reason) where definition and caption differ; an empty reason for a clip that is found true."""
 
@@ -121,7 +129,7 @@ def measure(
     library: MotionLibrary, signals: dict[str, MotionSignals], actions: Sequence[str] | None = None
 ) -> dict[str, Rates]:
     """Rates of each action that has clips."""
-    held_out = held_out_subjects(library)
+    first_half = half_of_subjects(library)
     found = {}
     for action, clips in read_clips().items():
         if actions is not None and action not in actions:
@@ -134,13 +142,20 @@ def measure(
             if role == "compatible" or clip.name not in signals:
                 continue
             verdict = check(signals[clip.name], action)
-            key = role, clip.subject in held_out
+            key = role, clip.subject in first_half
             total[key] += 1
             right[key] += verdict.true == (role == "shown")
             if verdict.true != (role == "shown"):
                 disagreements.append((clip.name, "; ".join(verdict.reasons)))
-        counts = [(right[key], total[key]) for key in [(r, h) for r in ("shown", "other") for h in (True, False)]]
-        found[action] = Rates(action, *counts, tuple(disagreements))
+        counts = {key: (right[key], total[key]) for key in [(r, h) for r in ("shown", "other") for h in (True, False)]}
+        found[action] = Rates(
+            action,
+            true=counts["shown", True],
+            true_before=counts["shown", False],
+            refused=counts["other", True],
+            refused_before=counts["other", False],
+            disagreements=tuple(disagreements),
+        )
     return found
 
 
@@ -150,6 +165,10 @@ def by_rules(seeds: int = SEEDS, duration: float = 6.0) -> dict[str, int]:
     return {
         action: sum(check(source(action, duration, seed), action).true for seed in range(seeds)) for action in ACTIONS
     }
+
+
+def _percent(part: int, whole: int) -> str:
+    return f"{100 * part / whole:.1f} %" if whole else "–"
 
 
 def _of(counts: tuple[int, int]) -> str:
@@ -173,15 +192,10 @@ def page(library: MotionLibrary, rates: dict[str, Rates], rules: dict[str, int],
         'print(check(motion, "sit_down").reasons)',
         "```",
         "",
-        f"The definitions were measured on the {len(library)} clips of the motion library. Subjects are split in two:",
-        "clips of one half set the limits, clips of the *held-out* half were kept for measuring. *True*: clips of the",
-        "action for which the definition holds. *Refused*: clips of other actions for which it does not. Clips that",
-        "may show the action beside their own (boxing has punches, dances have turns) count neither way;",
-        f"`training/motion/definition_clips.toml` lists them. *By rules*: of {seeds} seeds of the synthesiser.",
-        "Actions without clips have no measured rate.",
+        *textwrap.wrap(_MEASURED.format(clips=len(library), seeds=seeds), 118, break_on_hyphens=False),
         "`python -m training.motion.definitions` writes this page.",
         "",
-        "| action | what must be true | true, held out | true, other half | refused, held out | by rules |",
+        "| action | what must be true | true | true, other half | refused | by rules |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
     for action, definition in sorted(DEFINED_ACTIONS.items()):
@@ -191,7 +205,11 @@ def page(library: MotionLibrary, rates: dict[str, Rates], rules: dict[str, int],
         each = rates.get(action)
         empty = each is None or not (each.true[1] or each.true_before[1])
         cells = ["–", "–"] if each is None or empty else [_of(each.true), _of(each.true_before)]
-        refused = "–" if each is None or not each.refused[1] else f"{100 * each.refused[0] / each.refused[1]:.1f} %"
+        refused = (
+            "–"
+            if each is None
+            else _percent(each.refused[0] + each.refused_before[0], each.refused[1] + each.refused_before[1])
+        )
         made = f"{rules[action]} of {seeds}" if action in rules else "–"
         lines.append(f"| `{action}` | {sentence} | {cells[0]} | {cells[1]} | {refused} | {made} |")
     lines += [

@@ -233,6 +233,7 @@ def throw(s: MotionSignals) -> Requirements:
         return [
             at_least("fastest hand ahead or up, from a bent arm to a stretched one [m/s]", np.max(out * extends), 1.4),
             at_least("share of time on the feet", share(s.legs > 0.7), 0.9),
+            at_most("highest thigh [degrees]", s.thigh_elevation.max(), 75.0),
             at_most("median speed over the floor [m/s]", np.median(s.speed), 1.0),
         ]
 
@@ -260,7 +261,9 @@ def swing_arms(s: MotionSignals) -> Requirements:
     return [
         at_least("swings of each hand by 0.2 m", min(moves), 3),
         at_least(
-            "share of time with both hands below the shoulders", share((s.hands_over_shoulders < 0.1).all(axis=1)), 0.6
+            "share of time with both hands below the shoulders",
+            share(np.all(s.hands_over_shoulders < 0.1, axis=1)),
+            0.6,
         ),
         at_most("highest foot [m]", s.feet.max(), 0.25),
         *_in_place(s, 1.2),

@@ -72,7 +72,7 @@ def standing(s: MotionSignals) -> Requirements:
         ),
         at_least(
             "share of time with both wrists below the shoulders",
-            share((s.hands_over_shoulders < 0.05).all(axis=1)),
+            share(np.all(s.hands_over_shoulders < 0.05, axis=1)),
             0.8,
         ),
         at_most("90th percentile of the wrists' speed [m/s]", np.percentile(s.wrist_speed, 90), 0.9),

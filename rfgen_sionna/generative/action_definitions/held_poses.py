@@ -49,7 +49,8 @@ def _sideways(s: MotionSignals) -> Flags:
     out = np.abs(
         s.wrists[..., 1] - s.ahead(s.pair("shoulder") - s.pair("shoulder").mean(axis=1, keepdims=True))[..., 1]
     )
-    return (out > np.abs(s.wrists[..., 0])).all(axis=1)
+    sideways: Flags = np.all(out > np.abs(s.wrists[..., 0]), axis=1)
+    return sideways
 
 
 def t_pose(s: MotionSignals) -> Requirements:
@@ -102,11 +103,8 @@ def hand_at_head(s: MotionSignals, distance: float = 0.33) -> Flags:
 def _calm_hand_at_head(s: MotionSignals) -> Flags:
     """(sample, 2) whether a slow hand is at the head, trunk up, the other hand lower than the shoulders"""
     other = s.hands_over_shoulders[:, ::-1] < -0.08
-    calm = (
-        (s.wrist_speed < 0.9)
-        & (s.inclination < 45.0)[:, None]
-        & ((s.ankle_speed < 1.0) & (s.thigh_elevation < 110.0)).all(axis=1)[:, None]
-    )
+    still = np.all((s.ankle_speed < 1.0) & (s.thigh_elevation < 110.0), axis=1) & (s.inclination < 45.0)
+    calm = (s.wrist_speed < 0.9) & still[:, None]
     return hand_at_head(s) & other & calm
 
 

@@ -56,7 +56,7 @@ def walk(s: MotionSignals) -> Requirements:
 
 
 def walk_straight(s: MotionSignals) -> Requirements:
-    level = np.linalg.norm(s.displacement[:2])
+    level = float(np.linalg.norm(s.displacement[:2]))
     return [*walk(s), at_least("distance of the ends over the length of the way", level / max(s.path, 1e-9), 0.93)]
 
 
@@ -188,7 +188,7 @@ def march_in_place(s: MotionSignals) -> Requirements:
 def limp(s: MotionSignals) -> Requirements:
     swing = [[(b - a) / 20.0 for a, b, foot in s.steps[1:-1] if foot == side] for side in range(2)]
     times = [float(np.mean(each)) if each else 0.0 for each in swing]
-    uneven = abs(times[0] - times[1]) / max(np.mean(times), 1e-9)
+    uneven = abs(times[0] - times[1]) / max(float(np.mean(times)), 1e-9)
     bends = np.ptp(s.knee_flexion, axis=0)
     return [
         *walk(s),
@@ -270,7 +270,11 @@ DEFINITIONS = (
     Definition(
         "run_backwards", "Over 1.2 m/s, half of the way or more backwards, with times off the floor.", run_backwards
     ),
-    Definition("jog_on_the_spot", "Feet lifted in turn, about two a second or more, in one place.", jog_on_the_spot),
+    Definition(
+        "jog_on_the_spot",
+        "Heels lifted in turn, four times or more and 1.2 times a second or more, in one place.",
+        jog_on_the_spot,
+    ),
     Definition("march", "Knees lifted in turn, thighs to 50 degrees or more.", march),
     Definition("march_in_place", "A march in one place.", march_in_place),
     Definition(

@@ -103,6 +103,35 @@ def test_a_clip_played_backwards_sits_down_instead_of_standing_up() -> None:
     assert not is_true_of(down, "stand_up")
 
 
+def test_a_walk_played_backwards_walks_backwards() -> None:
+    ahead = library().motion(CLIPS["walk"])
+    back = replace(ahead, rotations=ahead.rotations[::-1], translation=ahead.translation[::-1], contacts=None)
+    assert is_true_of(back, "walk_backwards")
+    assert not is_true_of(back, "walk")
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_an_arm_out_to_the_side_is_horizontal_and_not_raised(side: str) -> None:
+    source = KinematicSource(frame_rate=40.0)
+    stand, out = source("standing", 2.0, 0), source("t_pose", 2.0, 0)
+    arm = [k for k, name in enumerate(stand.joint_names) if name.startswith(side) and k >= 13]
+    rotations = stand.rotations.copy()
+    rotations[:, arm] = out.rotations[:, arm]
+    motion = replace(stand, rotations=rotations)
+    other = {"left": "right", "right": "left"}[side]
+    assert is_true_of(motion, f"{side}_arm_horizontal")
+    for action in (f"{other}_arm_horizontal", f"{side}_arm_raised", "t_pose", "both_arms_raised"):
+        assert not is_true_of(motion, action)
+
+
+@pytest.mark.parametrize(
+    ("clip", "way"), [("kaykit_Death_B", "forward"), ("cmu_90_17_dm", "backward"), ("m2m_base_Death01", "backward")]
+)
+def test_falls_have_a_direction(clip: str, way: str) -> None:
+    s = MotionSignals(library().motion(clip))
+    assert [each for each in ("forward", "backward", "sideways") if is_true_of(s, f"fall_{each}")] == [way]
+
+
 def mirrored(motion: Motion) -> Motion:
     """Left and right exchanged."""
     twins = {n: n.replace("left", "right") if "left" in n else n.replace("right", "left") for n in motion.joint_names}
@@ -244,7 +273,7 @@ def test_a_learned_motion_that_does_not_show_its_label_is_made_again_or_refused(
 
 
 @pytest.mark.slow
-def test_definitions_are_right_on_captured_motion_of_people_not_looked_at() -> None:
+def test_definitions_are_right_on_captured_motion() -> None:
     every = {clip.name: MotionSignals(library().motion(clip.name)) for clip in library()}
     rates = measure(library(), every)
     assert all(rates[name].reliable for names in CHECKED.values() for name in names)
