@@ -67,9 +67,9 @@ def test_phase_follows_the_motion_over_seconds(motion):
 
 
 @pytest.mark.parametrize(("amplitude", "rate"), [(1e-4, 300.0), (1e-3, 200.0), (1e-3, 1000.0), (2e-3, 1500.0)])
-def test_what_a_vibration_too_fast_for_knots_is_off_by_is_stated(amplitude, rate, caplog):
+def test_fast_vibrations_are_followed(amplitude, rate, caplog):
     """Phases of a ball that vibrates towards the radar are -4 pi f / c of its way, to what the report says is missed
-    between knots. 1 mm at a kilohertz asks for more of them than there may be, and is 0.4 % off, 3 % at the ends."""
+    between knots, also at 1 mm and a kilohertz: a smooth motion gets as many knots as it takes."""
     radar = Radar.load("awr1843", "mmmesh", overrides={"pattern": {"kind": "sionna:iso"}})
 
     def path(t):
@@ -91,6 +91,5 @@ def test_what_a_vibration_too_fast_for_knots_is_off_by_is_stated(amplitude, rate
     missed = np.sqrt(np.mean(np.abs(off / off.mean() - 1) ** 2))
     stated = np.hypot(traced.report.time_error, traced.report.error)
     assert missed < 1.5 * stated
-    broken = rate >= 1000
-    assert ("not smooth" in caplog.text) == broken
-    assert stated < (2 * missed if broken else 1.5e-3)
+    assert "not smooth" not in caplog.text
+    assert stated < 1.5e-3

@@ -27,7 +27,7 @@ gains, at which splines err with the 1.5th power of the gap."""
 LARGE_TURN = 0.15
 """Turn of most of a mesh per gap [rad] above which sample times follow the turn, whatever the size of the facets: faces
 come into view and leave it."""
-MIN_TURN = 2 * np.pi
+MIN_TURN = 5 * np.pi
 """Largest turning rate of any face [rad/s] for which facets stay as they are."""
 _FACETS_PER_AREA, _SAMPLE_COST = 6.0, 4000
 """Facets per area over the square of the limit, as bisection leaves edges of 0.7 to 1 of it; cost of a sample time, in
