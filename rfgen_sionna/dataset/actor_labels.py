@@ -35,6 +35,7 @@ def _one(actor: MeshActor, radar: Radar, radar_velocity: FloatArray, t: float) -
     offset = centre - np.asarray(radar.position)
     distance = float(np.linalg.norm(offset))
     device = offset @ radar.rotation / distance
+    signs = getattr(actor.sequence, "vital_signs", None)
     return {
         "action": actor.action,
         "position": centre,
@@ -46,6 +47,9 @@ def _one(actor: MeshActor, radar: Radar, radar_velocity: FloatArray, t: float) -
         "in_range": float((np.linalg.norm(now - np.asarray(radar.position), axis=1) <= radar.max_range).mean()),
         "azimuth": float(np.arctan2(device[1], device[0])),
         "elevation": float(np.arcsin(np.clip(device[2], -1.0, 1.0))),
+        "breathing_rate": np.nan if signs is None else signs.breathing_rate,
+        "heart_rate": np.nan if signs is None else signs.heart_rate,
+        "chest_displacement": np.nan if signs is None else signs.chest_displacement(t),
     }
 
 

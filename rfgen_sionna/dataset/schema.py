@@ -94,6 +94,9 @@ STANDARD_LABELS: dict[str, Label] = {
     ),
     "azimuth": Label("rad", ("actor",), "direction of the centre in the radar's frame; positive is left"),
     "elevation": Label("rad", ("actor",), "direction of the centre in the radar's frame; positive is up"),
+    "breathing_rate": Label("min-1", ("actor",), "mean rate of breathing; NaN for a still skin"),
+    "heart_rate": Label("min-1", ("actor",), "mean rate of the heart; NaN for a still skin"),
+    "chest_displacement": Label("m", ("actor",), "displacement of the chest over the heart, outwards; NaN likewise"),
 }
 """Labels that this package writes."""
 

@@ -7,30 +7,42 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError, Rig, animate, describe, person
+from rfgen_sionna.generative.bodies import (
+    BodySequence,
+    Phenotype,
+    PhenotypeError,
+    Rig,
+    VitalSigns,
+    animate,
+    describe,
+    person,
+)
 from rfgen_sionna.generative.bodies.gltf import is_animated, load_animation
 from rfgen_sionna.generative.bodies.measured_person import JointResidual, measured_person
-from rfgen_sionna.generative.bodies.sampled import MESH_SUFFIXES, load_mesh_sequence
+from rfgen_sionna.generative.bodies.sampled import mesh_sequence
 from rfgen_sionna.generative.checked_motion import performed_motion
 from rfgen_sionna.generative.decisions import Decision
 from rfgen_sionna.generative.driving import Drive
-from rfgen_sionna.generative.motion import ACTIONS, MotionSource, SentenceSource
-from rfgen_sionna.generative.motion.clip_error import ClipError
+from rfgen_sionna.generative.motion import MotionSource
 from rfgen_sionna.generative.motion.importers import MOTION_SUFFIXES, load_any_motion
 from rfgen_sionna.generative.motion.joint_recording import record_joints
 from rfgen_sionna.generative.motion.joint_smoothing import LONGEST_GAP
-from rfgen_sionna.generative.person_decisions import material_decision, motion_decision, prompt_decisions
-from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
+from rfgen_sionna.generative.person_decisions import (
+    material_decision,
+    motion_decision,
+    prompt_decisions,
+    vital_signs_of,
+)
+from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, ScenePrompt, check_seed
 from rfgen_sionna.generative.radar_placement import check_walk_path, place_before_radar, walk_back
-from rfgen_sionna.generative.sentences import motion_source, read_prompt
+from rfgen_sionna.generative.sentences import check_source, motion_source, read_prompt
 from rfgen_sionna.generative.things.prompted_thing import prompted_thing
-from rfgen_sionna.generative.things.thing_catalogue import thing_action, thing_kind
-from rfgen_sionna.generative.things.thing_placement import Thing, build_thing, thing_fields, yaw_of
+from rfgen_sionna.generative.things.thing_placement import Thing, named_thing
 from rfgen_sionna.generative.things.thing_prompt import ThingPrompt
 from rfgen_sionna.radar.pose import rotation_matrix
 from rfgen_sionna.records import MeshSequence, Motion
@@ -87,6 +99,21 @@ class Actor(MeshActor):
         if self.prompt is None:
             raise ValueError(f"actor '{self.name}' has no prompt and no report; Actor.from_prompt makes one")
         return self.prompt.report((*self.decisions, *more))
+
+    @property
+    def vital_signs(self) -> VitalSigns | None:
+        """Breathing and heartbeat of a person; None for a still skin."""
+        return getattr(self.sequence, "vital_signs", None)
+
+    def with_vital_signs(self, vital_signs: VitalSigns | None) -> Self:
+        """The same person with breathing and heartbeat, from a prompt, a clip or joints.
+
+        Raises:
+            ValueError: the actor's mesh is no body of this package.
+        """
+        if not isinstance(self.sequence, BodySequence):
+            raise ValueError(f"actor '{self.name}' is a {type(self.sequence).__name__}, no body with a chest")
+        return replace(self, sequence=replace(self.sequence, vital_signs=vital_signs))
 
     @classmethod
     def from_prompt(
@@ -152,7 +179,7 @@ class Actor(MeshActor):
             place, yaw = place_before_radar(radar, distance, said.bearing_deg or 0.0)
         yaw += np.radians(said.orientation_deg or 0.0)
         # before the body, whose first construction may take a minute
-        _check(said, duration, source)
+        check_source(said, duration, source)
         if isinstance(body, Rig):
             rig = body
         else:
@@ -177,7 +204,7 @@ class Actor(MeshActor):
             way.append(check_walk_path(performed, place, yaw, radar))
         arguments = {"position": position, "orientation": orientation, "body": body}
         return cls(
-            animate(rig, performed), material, name=name,
+            animate(rig, performed, vital_signs_of(said, seed)), material, name=name,
             position=cast(Any, (*place, floor) if position is None else position),
             orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation),
             motion=replace(performed, prompt=said.text), prompt=said, body=rig, phenotype=phenotype,
@@ -220,16 +247,7 @@ class Actor(MeshActor):
             ValueError: an unknown kind, action or parameter, or a value that is not allowed.
         """
         check_seed(seed)
-        height = thing_action(thing_kind(kind), action)[1].height
-        place, yaw = place_before_radar(radar, DEFAULT_DISTANCE)
-        at = (*place, height) if position is None else position
-        turned = (yaw, 0.0, 0.0) if orientation is None else orientation
-        built = build_thing(
-            kind, action, seed=seed, speed=speed, path=path, yaw=yaw_of(turned), height=height, values=parameters
-        )
-        if built.trajectory is not None and position is not None:
-            raise ValueError(f"position: {position!r}, but the path gives the places: leave one out")
-        return cls(**thing_fields(built, name, at, turned))
+        return cls(**named_thing(kind, action, seed, speed, path, position, orientation, name, radar, parameters))
 
     @classmethod
     def from_motion(
@@ -278,18 +296,9 @@ class Actor(MeshActor):
             rate = 30.0 if frame_rate is None else frame_rate
             sequence, clip = load_animation(motion, frame_rate=rate, animation=index, up=up), None
         elif not isinstance(motion, Motion) and Path(motion).suffix.lower() not in MOTION_SUFFIXES:
-            if not Path(motion).exists():
-                raise FileNotFoundError(f"no motion file or folder of meshes {motion}")
-            if Path(motion).is_file() and Path(motion).suffix.lower() not in MESH_SUFFIXES:
-                allowed = ", ".join((*MOTION_SUFFIXES, *MESH_SUFFIXES))
-                raise ClipError(f"{Path(motion).name}: ending {Path(motion).suffix!r}; allowed are {allowed}")
-            if index:
-                raise ValueError(f"index: {index!r} of the mesh sequence {motion}, which is one motion; allowed is 0")
-            if frame_rate is None:
-                raise ValueError(f"frame_rate: needed for the mesh sequence {motion}, in Hz")
             if body is not None:
                 raise ValueError("body: a mesh sequence is its own body; leave it out")
-            sequence, clip = load_mesh_sequence(motion, frame_rate=frame_rate, name=name, up=up), None
+            sequence, clip = mesh_sequence(motion, frame_rate, index, name=name, up=up), None
         else:
             if isinstance(motion, Motion):
                 if index or frame_rate is not None or up is not None:
@@ -379,12 +388,3 @@ class Actor(MeshActor):
             orientation=cast(Any, orientation), motion=measured.motion, body=measured.sequence.rig,
             phenotype=body if isinstance(body, Phenotype) else None, residual=measured.residual,
         )  # fmt: skip
-
-
-def _check(said: ScenePrompt, duration: float, source: MotionSource) -> None:
-    if not (np.isfinite(duration) and duration > 0.0):
-        raise ValueError(f"duration: {duration!r} s; allowed is more than 0")
-    if said.sentence and not isinstance(source, SentenceSource):
-        raise PromptError(f"prompt: {said.sentence!r} needs a motion source that reads sentences, such as 'diffusion'")
-    if not said.sentence and said.action not in ACTIONS:
-        raise ValueError(f"action: {said.action!r} is unknown; allowed are {', '.join(ACTIONS)}")

@@ -13,7 +13,7 @@ import numpy as np
 from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.bodies import Phenotype, describe
 from rfgen_sionna.generative.decisions import Decision, argument
-from rfgen_sionna.generative.person_decisions import prompt_decisions
+from rfgen_sionna.generative.person_decisions import prompt_decisions, vital_signs_of
 from rfgen_sionna.generative.phrases import read_wanted
 from rfgen_sionna.generative.prompts import (
     CLIP,
@@ -152,4 +152,7 @@ def person_with_clip(
         )
     origin = Decision("motion", str(clip) if isinstance(clip, Path) else clip_name(clip), argument("motion"))
     decisions = [each for each in decisions if each.name != "speed"]
+    signs = vital_signs_of(said, seed)
+    if signs is not None:
+        person = person.with_vital_signs(signs)
     return replace(person, prompt=said, decisions=(*decisions, origin))

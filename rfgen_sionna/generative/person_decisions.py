@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rfgen_sionna.generative.bodies import Phenotype, Rig
+from rfgen_sionna.generative.bodies import Phenotype, Rig, VitalSigns
+from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
 from rfgen_sionna.generative.motion import MotionSource
 from rfgen_sionna.generative.prompts import ScenePrompt
@@ -36,6 +37,17 @@ def prompt_decisions(said: ScenePrompt, seed: int, person: Phenotype, given: Map
     if given["position"] is not None:
         found.append(triple_decision("position", given["position"], "m"))
     return found
+
+
+def vital_signs_of(said: ScenePrompt, seed: int) -> VitalSigns | None:
+    """Vital signs that a prompt gives; of rates that it leaves open, those of a resting adult."""
+    if said.breathing_rate is None and said.heart_rate is None:
+        return None
+    given = {"breathing_rate": said.breathing_rate, "heart_rate": said.heart_rate}
+    try:
+        return VitalSigns(**{name: value for name, value in given.items() if value is not None}, seed=seed)
+    except ValueError as error:
+        raise PromptError(f"prompt: {error}") from error
 
 
 def triple_decision(name: str, values: ArrayLike, unit: str) -> Decision:

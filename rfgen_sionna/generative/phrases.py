@@ -27,6 +27,10 @@ class Phrases:
     distances: list[tuple[str, float]] = field(default_factory=list)
     bearings: list[tuple[str, float]] = field(default_factory=list)
     speeds: list[tuple[str, float]] = field(default_factory=list)
+    breathing: list[tuple[str, float]] = field(default_factory=list)
+    """Breaths a minute."""
+    heart: list[tuple[str, float]] = field(default_factory=list)
+    """Heartbeats a minute."""
     scenes: list[tuple[str, str]] = field(default_factory=list)
     targets: list[str] = field(default_factory=list)
     body: BodyWords = field(default_factory=BodyWords)
@@ -58,6 +62,14 @@ def read_wanted(text: str) -> Phrases:
     reader.understood += [(words, f"surroundings {scene}") for words, scene in scenes]
     _refuse_misreadable(reader.text)
     said.body.read_numbers(reader)
+    for name, rates, patterns in (
+        ("breaths", said.breathing, vocabulary.BREATHING_PATTERNS),
+        ("heartbeats", said.heart, vocabulary.HEART_PATTERNS),
+    ):
+        for rate, pattern in patterns:
+            for m in reader.take(pattern):
+                rates.append((m.group(), number(m["value"]) if rate is None else rate))
+                reader.note(m, f"{rates[-1][1]:g} {name} a minute")
     for pattern in vocabulary.DISTANCE_PATTERNS:
         for m in reader.take(pattern):
             _distance(said, m, m["value"], m.groupdict().get("unit") or "m")

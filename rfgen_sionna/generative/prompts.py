@@ -83,6 +83,10 @@ class ScenePrompt(ShortRepr):
     """Hand of a gesture: "left", "right" or "both"."""
     speed: float | None = None
     """Factor on the action's usual speed."""
+    breathing_rate: float | None = None
+    """Breaths a minute; 0 for a held breath."""
+    heart_rate: float | None = None
+    """Heartbeats a minute."""
     surroundings: str | None = None
     """Name of a scene, or "free space"."""
     understood: tuple[tuple[str, str], ...] = ()
@@ -117,6 +121,9 @@ class ScenePrompt(ShortRepr):
             rows.append(("arms", f"{self.arms}: {ACTIONS[self.arms].description}"))
         if self.hand is not None:
             rows.append(("hand", self.hand))
+        for name, value in (("breathing", self.breathing_rate), ("heart", self.heart_rate)):
+            if value is not None:
+                rows.append((name, f"{value:g} a minute"))
         rows += [
             ("orientation", f"{angle:g}°{_FACING.get(angle, '')}"),
             ("distance", f"{DEFAULT_DISTANCE if self.distance_m is None else self.distance_m:g} m"),
@@ -192,7 +199,7 @@ def parse_prompt(
     named = ("target", "action", "orientation", "distance", "azimuth", "speed", "surroundings")
     origins = dict.fromkeys(named, PROMPT)
     if not said.targets:
-        if reading is None and (said.unused or not said.actions):
+        if reading is None and (said.unused or not (said.actions or said.breathing or said.heart)):
             raise UnreadActionError(
                 f"target: {prompt!r} names none that is known{_rest(said)}", f"known: a person, {_examples()}"
             )
@@ -232,6 +239,8 @@ def parse_prompt(
     distance, bearing = _one("distance", said.distances), _one("azimuth", said.bearings)
     speed = _one("speed", said.speeds, denied.speeds)
     surroundings = _one("surroundings", said.scenes, denied.scenes)
+    breathing, heart = _one("breathing", said.breathing), _one("heart", said.heart)
+    origins |= {name: PROMPT for name, value in (("breathing", breathing), ("heart", heart)) if value is not None}
     values = (True, True, orientation, distance, bearing, speed, surroundings)
     for name, value in zip(named, values, strict=True):
         if value is None:
@@ -239,6 +248,7 @@ def parse_prompt(
     return ScenePrompt(
         text=prompt, negative=negative, seed=seed, action=action, choices=tuple(allowed), orientation_deg=orientation,
         distance_m=distance, bearing_deg=bearing, body=body, hand=hand, speed=speed, surroundings=surroundings,
+        breathing_rate=breathing, heart_rate=heart,
         understood=(
             *understood,
             *((words, "repeated, as this action is") for words in said.repeated if periodic),
@@ -295,6 +305,8 @@ def _one_action(said: Phrases, prompt: str) -> frozenset[str]:
         named = [n for n in named if "standing" not in n[1]]  # other actions include standing
     if any("jumping_jacks" in options for _, options in named):
         named = [n for n in named if n[1] != {"jump"}]
+    if not named and (said.breathing or said.heart):
+        return frozenset({"standing"})
     if not named:
         raise UnreadActionError(f"action: {prompt!r} names none that is known{_rest(said)}", f"known: {_examples()}")
     if re.search(r"\bor\b", said.reader.text):

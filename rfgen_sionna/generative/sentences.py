@@ -105,6 +105,16 @@ def read_prompt(
     return said
 
 
+def check_source(said: ScenePrompt, duration: float, source: MotionSource) -> None:
+    """Check that `source` can carry out an interpreted prompt for `duration` [s] (else ValueError)."""
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise ValueError(f"duration: {duration!r} s; allowed is more than 0")
+    if said.sentence and not isinstance(source, SentenceSource):
+        raise PromptError(f"prompt: {said.sentence!r} needs a motion source that reads sentences, such as 'diffusion'")
+    if not said.sentence and said.action not in ACTIONS:
+        raise ValueError(f"action: {said.action!r} is unknown; allowed are {', '.join(ACTIONS)}")
+
+
 class _Sentence:
     """A prompt for a motion source, with the phrases of the grammar."""
 

@@ -156,6 +156,23 @@ DISTANCE_PATTERNS: tuple[str, ...] = (
     r"distance (?P<value><n>)(?= ,|$)",
 )
 """A keyword without a unit ("distance: 2") is in metres."""
+_EACH_MINUTE = r"(?:times|breaths?|beats?)? ?(?:a|per|each|every|/) ?(?:minute|min)"
+BREATHING_PATTERNS: tuple[tuple[float | None, str], ...] = (
+    (0.0, r"(?:and |while |with )?(?:<hold|held|holding> <a>breath|<a>breath held)"),
+    (
+        None,
+        rf"(?:and |while |with )?(?:<breathe> |<a>(?:breathing|respiratory|respiration) (?:rate )?)(?:at |of |with )?"
+        rf"(?P<value><n>) ?{_EACH_MINUTE}",
+    ),
+    (None, r"(?:and |with )?<a>(?:breathing|respiratory|respiration) rate (?:of |at )?(?P<value><n>)(?: bpm)?"),
+    (15.0, r"(?:and |while )?<breathe>(?: (?:calmly|normally|quietly))?(?= ,| and|$)"),
+)
+"""Breaths a minute; None takes the group `value`."""
+HEART_PATTERNS: tuple[tuple[float | None, str], ...] = (
+    (None, rf"(?:and |with )?<a>(?:heart ?rate|pulse|heart ?beat|heart)(?: (?:of|at|beats|beating))*"
+           rf" (?P<value><n>)(?: ?(?:bpm|{_EACH_MINUTE}))?"),
+)  # fmt: skip
+"""Heartbeats a minute."""
 BARE_LENGTH = (
     rf"(?:(?<=, )|^){_LENGTH}(?= ,|$)|(?:(?<=man )|(?<=male )|(?<=person )|(?<=adult )|(?<=~ ))(?:of )?"
     rf"{_LENGTH.replace('<value>', '<value2>').replace('<unit>', '<unit2>')}(?= (?:,|and|~)|$)"

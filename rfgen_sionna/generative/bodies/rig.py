@@ -108,6 +108,19 @@ class Rig(ShortRepr):
         skin = self._skin if rows is None else self._skin[rows]
         return skin @ transforms
 
+    def turn(self, vectors: FloatArray, rotations: FloatArray) -> FloatArray:
+        """(vertex, 3) vectors of the rest pose, such as displacements of the skin, turned with the skin.
+
+        Args:
+            vectors: (vertex, 3) in the rest pose.
+            rotations: (bone, 3, 3) world rotations relative to the mesh's rest pose.
+        """
+        turned = np.zeros_like(vectors)
+        moved = np.flatnonzero(np.any(vectors != 0.0, axis=1))
+        blended = (self.weights[moved] @ rotations.reshape(len(rotations), 9)).reshape(-1, 3, 3)
+        turned[moved] = np.einsum("vij,vj->vi", blended, vectors[moved])
+        return turned
+
 
 def label_faces(faces: IntArray, weights: sparse.csr_array, bone_parts: Sequence[str]) -> IntArray:
     """(face,) index into `PART_NAMES`: the part with the largest skinning weights at the face's corners.

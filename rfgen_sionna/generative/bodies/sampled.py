@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.motion.clip_error import ClipError
+from rfgen_sionna.generative.motion.importers import MOTION_SUFFIXES
 from rfgen_sionna.scene.mesh_files import to_z_up
 
 _LOG = logging.getLogger(__name__)
@@ -61,6 +62,29 @@ class SampledSequence(ShortRepr):
     def joints(self, t: float) -> FloatArray:
         """(0, 3): no skeleton."""
         return np.empty((0, 3))
+
+
+def mesh_sequence(
+    source: str | PathLike[str], frame_rate: float | None, index: int = 0, *, name: str = "mesh", up: str | None = None
+) -> SampledSequence:
+    """:func:`load_mesh_sequence` of a clip that is no file of a motion.
+
+    Raises:
+        FileNotFoundError: there is no such file or folder.
+        ClipError: the file is of another kind, or cannot be read.
+        ValueError: `frame_rate` is missing, or `index` is not 0.
+    """
+    path = Path(source)
+    if not path.exists():
+        raise FileNotFoundError(f"no motion file or folder of meshes {source}")
+    if path.is_file() and path.suffix.lower() not in MESH_SUFFIXES:
+        allowed = ", ".join((*MOTION_SUFFIXES, *MESH_SUFFIXES))
+        raise ClipError(f"{path.name}: ending {path.suffix!r}; allowed are {allowed}")
+    if index:
+        raise ValueError(f"index: {index!r} of the mesh sequence {source}, which is one motion; allowed is 0")
+    if frame_rate is None:
+        raise ValueError(f"frame_rate: needed for the mesh sequence {source}, in Hz")
+    return load_mesh_sequence(source, frame_rate=frame_rate, name=name, up=up)
 
 
 def load_mesh_sequence(

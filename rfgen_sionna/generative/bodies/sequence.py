@@ -13,6 +13,7 @@ from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.generative.bodies.grounding import stand_on_floor
 from rfgen_sionna.generative.bodies.retarget import bone_rotations, joint_rotations, root_translation, same_proportions
 from rfgen_sionna.generative.bodies.rig import Rig
+from rfgen_sionna.generative.bodies.vital_signs import VitalSigns, skin_directions
 from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES
 from rfgen_sionna.records import Motion
@@ -33,6 +34,8 @@ class BodySequence(ShortRepr):
     """(frame, 3) positions of the root joint [m]."""
     frame_rate: float
     """Poses per second [Hz]."""
+    vital_signs: VitalSigns | None = None
+    """Breathing and heartbeat; None for a still skin."""
 
     @property
     def faces(self) -> IntArray:
@@ -76,7 +79,17 @@ class BodySequence(ShortRepr):
 
     def vertices(self, t: float) -> FloatArray:
         """(vertex, 3) positions at `t` [s] in metres."""
-        return self.rig.skin(*self.pose(t))
+        rotations, translation = self.pose(t)
+        skin = self.rig.skin(rotations, translation)
+        if self.vital_signs is None or self._moving_skin is None:
+            return skin
+        breath, beat = self._moving_skin
+        moved = self.vital_signs.volume(t) * breath + self.vital_signs.pulse(t) * beat
+        return skin + self.rig.turn(moved, rotations)
+
+    @cached_property
+    def _moving_skin(self) -> tuple[FloatArray, FloatArray] | None:
+        return None if self.vital_signs is None else skin_directions(self.rig, self.vital_signs)
 
     def joints(self, t: float) -> FloatArray:
         """(52, 3) joint positions at `t` [s] in metres."""
@@ -89,8 +102,8 @@ class BodySequence(ShortRepr):
         return rotations[bones] @ np.swapaxes(self.rig.to_t_pose[bones], -1, -2)
 
 
-def animate(rig: Rig, motion: Motion) -> BodySequence:
-    """Mesh sequence of a body that performs a motion, its feet on the floor z = 0.
+def animate(rig: Rig, motion: Motion, vital_signs: VitalSigns | None = None) -> BodySequence:
+    """Mesh sequence of a body that performs a motion, its feet on the floor z = 0, and breathes by `vital_signs`.
 
     A motion of another skeleton is scaled to the body's legs, set on the floor, and its planted feet are held in place.
 
@@ -101,4 +114,4 @@ def animate(rig: Rig, motion: Motion) -> BodySequence:
     translation = root_translation(motion, rig.skeleton)
     if not same_proportions(motion, rig.skeleton):
         joints, translation = stand_on_floor(rig, joints, translation, motion.contacts, motion.frame_rate)
-    return BodySequence(rig, bone_rotations(rig, joints), translation, motion.frame_rate)
+    return BodySequence(rig, bone_rotations(rig, joints), translation, motion.frame_rate, vital_signs)

@@ -1,0 +1,123 @@
+"""Breathing and heartbeat: rates, depths and places on the body, by arguments and by words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import rfgen_sionna as rfgen
+from rfgen_sionna.dataset.actor_labels import actor_labels
+from rfgen_sionna.generative.bodies import Phenotype, Rig, VitalSigns, animate, person
+from rfgen_sionna.generative.motion import KinematicSource
+from rfgen_sionna.generative.prompts import parse_prompt
+from rfgen_sionna.processing import displacement
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return person(Phenotype(height=1.75), seed=0)
+
+
+@settings(deadline=None, max_examples=4)
+@given(st.floats(6, 40), st.floats(45, 150), st.integers(0, 99))
+def test_cycles_have_the_rate_and_the_range(breaths: float, beats: float, seed: int) -> None:
+    signs = VitalSigns(breaths, beats, seed=seed)
+    t = np.arange(0.0, 120.0, 0.03)
+    for values, rate in (([signs.volume(x) for x in t], breaths), ([signs.pulse(x) for x in t], beats)):
+        series = np.array(values)
+        assert series.min() >= 0
+        assert series.max() == pytest.approx(1.0, abs=0.1)
+        crossings = np.sum((series[1:] >= 0.5) & (series[:-1] < 0.5))
+        assert crossings / 2 == pytest.approx(rate, abs=0.03 * rate + 1.0)
+
+
+def test_breaths_differ_by_the_variability() -> None:
+    signs = VitalSigns(15.0, variability=0.05)
+    t = np.arange(0.0, 1200.0, 0.02)
+    series = np.array([signs.volume(x) for x in t])
+    starts = t[1:][(series[1:] >= 0.5) & (series[:-1] < 0.5)]
+    assert np.diff(starts).std() / np.diff(starts).mean() == pytest.approx(0.05, abs=0.01)
+    steady = VitalSigns(15.0, variability=0.0)
+    assert steady.volume(4.0) == pytest.approx(steady.volume(0.0))
+
+
+def test_chest_and_belly_move_outwards_and_nothing_else(rig: Rig) -> None:
+    motion = KinematicSource()("standing", 4.0, 0, skeleton=rig.skeleton)
+    signs = VitalSigns(15.0, 0.0, belly_depth=8e-3, chest_depth=4e-3, variability=0.0)
+    still, alive = animate(rig, motion), animate(rig, motion, signs)
+    t = max(np.arange(0.0, 4.0, 0.05), key=signs.volume)
+    moved = alive.vertices(t) - still.vertices(t)
+    size = np.linalg.norm(moved, axis=1)
+    assert size.max() == pytest.approx(8e-3, abs=1e-3)
+    parts = {rig.part_names[p] for p in np.unique(rig.face_parts[np.any(size[rig.faces] > 1e-3, axis=1)])}
+    assert "torso" in parts
+    assert not {"head", "left_hand", "right_foot", "left_shank"} & parts
+    back = still.vertices(t)[:, 0] < still.joints(t)[0, 0] - 0.05
+    assert size[back].max() < 5e-4
+    assert moved[size > 2e-3, 0].min() > 0  # ahead
+
+
+def test_the_skin_is_smooth_in_time(rig: Rig) -> None:
+    alive = animate(rig, KinematicSource()("standing", 4.0, 0, skeleton=rig.skeleton), VitalSigns(20.0, 90.0))
+    t = np.linspace(1.0, 1.1, 21)
+    series = np.array([alive.vertices(x) for x in t])
+    assert np.abs(np.diff(series, 2, axis=0)).max() / 0.005**2 < 3.0  # [m/s^2]
+
+
+@pytest.mark.parametrize(
+    ("words", "breathing", "heart"),
+    [
+        ("a person stands and breathes 15 times a minute, at 1.5 m", 15.0, None),
+        ("a person stands, breathing at 12 breaths per minute, heart rate 70", 12.0, 70.0),
+        ("a woman stands with a heart rate of 65 bpm and a breathing rate of 18", 18.0, 65.0),
+        ("a person stands and holds their breath", 0.0, None),
+        ("a person breathes twenty times per minute", 20.0, None),
+        ("a person stands", None, None),
+    ],
+)
+def test_words_give_rates(words: str, breathing: float | None, heart: float | None) -> None:
+    said = parse_prompt(words)
+    assert (said.action, said.breathing_rate, said.heart_rate) == ("standing", breathing, heart)
+    assert said.unused == ()
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("breathing_rate", 200.0), ("heart_rate", -1.0), ("belly_depth", 6.0), ("variability", 1.0)]
+)
+def test_rates_and_depths_of_no_person_are_refused(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"vital_signs\.{field} is"):
+        VitalSigns(**{field: value})
+
+
+def test_labels_hold_rate_and_displacement() -> None:
+    radar = rfgen.Radar.load("awr1843", position=(0, 0, 1), look_at=(3, 0, 1))
+    living = rfgen.Actor.from_prompt("a person stands and breathes 12 times a minute, heart rate 70", radar=radar)
+    labels = actor_labels([living, living.with_vital_signs(None)], radar, 0.7)
+    assert labels["breathing_rate"][0] == 12
+    assert labels["heart_rate"][0] == 70
+    assert living.vital_signs is not None
+    assert labels["chest_displacement"][0] == living.vital_signs.chest_displacement(0.7)
+    assert np.isnan(labels["chest_displacement"][1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", ["a person stands"])
+def test_breaths_and_beats_are_found_at_one_and_a_half_metres(words: str) -> None:
+    """12 breaths and 70 beats a minute, each within 0.5 a minute, in the phase of the strongest moving range bin."""
+    radar = rfgen.Radar.load(
+        "iwr6843isk", position=(0, 0, 1.2), look_at=(1.5, 0, 1.2),
+        overrides={"preset.out_of_box.num_loops": 1, "preset.out_of_box.tx_order": ["TX1"],
+                   "preset.out_of_box.num_samples": 128},
+    )  # fmt: skip
+    living = rfgen.Actor.from_prompt(
+        f"{words}, breathes 12 times a minute, heart rate 70, at 1.5 m", duration=60.0, radar=radar
+    )
+    still = rfgen.Actor.from_motion(living.motion, body=living.body, position=living.position,
+                                    orientation=living.orientation)  # fmt: skip
+    signs = VitalSigns(12.0, 70.0, heart_depth=5e-4, variability=0.0)
+    cube = rfgen.Simulator(None, radar, [still.with_vital_signs(signs)], rtol=0.03).adc(duration=60.0, seed=0)
+    found = displacement(cube.data, radar)
+    assert 60 * found.rate() == pytest.approx(12.0, abs=0.5)
+    assert 60 * found.rate(0.9, 1.6) == pytest.approx(70.0, abs=0.5)
