@@ -199,6 +199,11 @@ def _chirps(records: Sequence[Mapping[str, Any]], first: int, last: int) -> list
                 _turn(phases, place, {tx: 180.0 * (value >> 2 * tx + 1 & 1) for tx in range(_tx_of(records))})
             for entry in _at(rf.get("rlRfPhaseShiftCfgs", ()), "rlRfPhaseShiftCfg_t", index):
                 steps = {tx: float(entry.get(f"tx{tx}PhaseShift", 0)) for tx in range(_tx_of(records))}
+                if wrong := [tx for tx, count in steps.items() if count not in range(64)]:
+                    raise ValueError(
+                        f"rlRfPhaseShiftCfgs, chirp {index}: tx{wrong[0]}PhaseShift is {steps[wrong[0]]:g}; a number "
+                        f"of steps of {PHASE_STEP:g} degrees, 0 … 63, is needed"
+                    )
                 _turn(phases, place, {tx: PHASE_STEP * count for tx, count in steps.items()})
         if not phases:
             raise ValueError(f"rlChirps: chirp {index} fires no Tx")

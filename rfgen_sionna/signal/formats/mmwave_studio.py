@@ -16,7 +16,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.board_frames import FRAME, BoardFrames, element_numbers, enabled_rx, named_tx
 from rfgen_sionna.radar.config import RadarConfigError
 from rfgen_sionna.radar.radar_fields import preset_waveform
-from rfgen_sionna.radar.studio_json import read_studio_config
+from rfgen_sionna.radar.studio_json import number, read_studio_config
 from rfgen_sionna.signal.formats.capture import CaptureFormatError
 from rfgen_sionna.signal.formats.files import read_json
 from rfgen_sionna.signal.formats.sidecar import Description, periodic_times
@@ -89,6 +89,8 @@ def _read(path: Path, hardware: Radar, devices: int | None, preset: str | None) 
         studio = read_studio_config(config)
         if devices is not None and studio.frames.devices != devices:
             raise ValueError(f"mmWaveDevices has {studio.frames.devices} entries; {devices} needed")
+        if devices is not None:
+            _check_packets(config)
         radar = _with_frames(hardware, studio.frames, preset)
     except KeyError as error:
         raise CaptureFormatError(f"'{path}' lacks {error}") from error
@@ -96,6 +98,18 @@ def _read(path: Path, hardware: Radar, devices: int | None, preset: str | None) 
         raise CaptureFormatError(f"'{path}': {error}") from error
     times = periodic_times(studio.num_frames, radar) if studio.num_frames else None
     return Description(radar, frame_times=times, lanes=studio.lanes, interleaved=studio.interleaved)
+
+
+def _check_packets(config: dict[str, Any]) -> None:
+    """Refuse recordings of more than ADC samples, which `rawDataReader` does not read either."""
+    for record in config["mmWaveDevices"]:
+        path = record["rawDataCaptureConfig"].get("rlDevDataPathCfg_t", {})
+        for field, wanted in (("transferFmtPkt0", 1), ("transferFmtPkt1", 0)):
+            if number(path.get(field, wanted)) & 63 != wanted:
+                raise ValueError(
+                    f"{field} is {path[field]!r}, chirp parameters or quality data among the samples; "
+                    f"{wanted:#x} is supported: record ADC samples alone"
+                )
 
 
 def _with_frames(hardware: Radar, frames: BoardFrames, preset: str | None) -> Radar:

@@ -137,6 +137,11 @@ def test_i_and_q_swapped(tmp_path: Path) -> None:
     ("keys", "value", "message"),
     [
         ([*RF, "waveformType"], "continuousWave", "waveformType is 'continuousWave'; supported"),
+        (
+            [*RF, "rlRfPhaseShiftCfgs"],
+            [{"rlRfPhaseShiftCfg_t": {"chirpStartIdx": 0, "chirpEndIdx": 0, "tx0PhaseShift": 90.0}}],
+            "tx0PhaseShift is 90; a number of steps of 5.625 degrees, 0 … 63",
+        ),
         ([*RF, "waveformType"], "advancedFrameChirp", "lacks 'rlAdvFrameCfg_t'"),
         ([*RF, "rlAdcOutCfg_t", "fmt", "b2AdcOutFmt"], 3, "b2AdcOutFmt 3; 16 bits (2) and real (0) or complex"),
         ([*RF, "rlAdcOutCfg_t", "fmt", "b2AdcBits"], 1, "16 bits"),
@@ -159,6 +164,17 @@ def test_what_cannot_be_followed_is_named(tmp_path: Path, keys: list[Any], value
         radar_from_studio(config, awr1843())
     assert message in str(caught.value)
     assert "adc_data.mmwave.json" in str(caught.value)
+
+
+@pytest.mark.parametrize(("field", "value"), [("transferFmtPkt0", "0x6"), ("transferFmtPkt1", "0xE")])
+def test_packets_of_more_than_samples_are_refused(tmp_path: Path, field: str, value: str) -> None:
+    """Chirp parameters and quality data, which `rawDataReader` refuses too; the chirps are a radar all the same."""
+    as_from_a_board(lsb_cube(awr1843(), 1, 100), tmp_path, "dca1000")
+    config = tmp_path / "adc_data.mmwave.json"
+    change(config, [*RAW, "rlDevDataPathCfg_t", field], value)
+    with pytest.raises(CaptureFormatError, match=f"{field} is '{value}'"):
+        open_capture(tmp_path, radar="awr1843")
+    assert Radar.load(config, board="awr1843").frame_shape == awr1843().frame_shape
 
 
 def test_elements_that_the_hardware_lacks(tmp_path: Path) -> None:
