@@ -72,6 +72,7 @@ def open_capture(
     format: str | None = None,
     radar: Radar | str | os.PathLike[str] | None = None,
     *,
+    board: str | os.PathLike[str] | None = None,
     partial: bool = False,
     **options: Any,
 ) -> Capture:
@@ -87,6 +88,8 @@ def open_capture(
         Hardware of a capture without a sidecar: a radar, or what :meth:`~rfgen_sionna.radar.Radar.load` takes (the name
         of a board, the path of a radar file or of a board's configuration). A configuration beside the data then gives
         the waveform and the elements in use.
+    board
+        Name or file of the board of a configuration given as `radar`.
     partial
         Whether the whole frames of a truncated or inconsistent capture are read, with a :class:`CaptureWarning`.
         Truncated MATLAB files are always refused. Of a cascade without one device, the others are read
@@ -104,7 +107,9 @@ def open_capture(
         A file is missing.
     """
     target = Path(path)
-    known = radar if radar is None or isinstance(radar, Radar) else Radar.load(radar)
+    if board is not None and not isinstance(radar, str | os.PathLike):
+        raise ValueError(f"board is {str(board)!r}: it goes with the path of a configuration as radar")
+    known = radar if radar is None or isinstance(radar, Radar) else Radar.load(radar, board=board)
     if format is None or is_sidecar(target):
         target, format = recognise(target)
     capture: Capture = _module(format).read(target, known, partial=partial, **options)
@@ -117,6 +122,7 @@ def read_capture(
     format: str | None = None,
     radar: Radar | str | os.PathLike[str] | None = None,
     *,
+    board: str | os.PathLike[str] | None = None,
     scale: float | None = None,
     partial: bool = False,
     skip_lost: bool = False,
@@ -128,7 +134,7 @@ def read_capture(
     LSB, with a :class:`CaptureWarning`. Lost samples are zero, with a :class:`CaptureWarning`; `skip_lost` leaves their
     frames out.
     """
-    capture = open_capture(path, format, radar, partial=partial, **options)
+    capture = open_capture(path, format, radar, board=board, partial=partial, **options)
     if scale is not None:
         if not is_number(scale) or not 1e-30 <= scale <= 1e30:
             raise ValueError(f"scale is {scale!r}: a number in 1e-30 … 1e30 sqrt(W)/LSB is needed")

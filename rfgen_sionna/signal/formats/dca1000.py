@@ -122,7 +122,7 @@ def read(
             cure = (
                 f"; frames (chirp, tx, rx, sample) of {known.radar.frame_shape} are those of radar "
                 f"'{known.radar.name}', preset '{known.radar.preset}': if others were recorded, put their {CONFIG} "
-                "beside the data, or pass their configuration as radar="
+                "beside the data, or pass their configuration as radar=, a .cfg with board="
             )
     stream, frames = complete_stream(source, data, layout, known, partial, not dump, cure)
     size = layout.frame_size

@@ -183,7 +183,7 @@ def warn_if_mirrored(samples: NDArray[Any], known: Description, path: Path) -> N
         warnings.warn(
             f"'{path}', read with {order}: the farther half of the range axis holds {10 * np.log10(far / near):.0f} dB "
             f"more than the nearer one; if nothing strong is there, the order is the other one: pass "
-            f"iq_swap={not known.iq_swap}",
+            f"iq_swap={not known.iq_swap}, or set adc.iq_swap in the radar's file",
             CaptureWarning,
             stacklevel=4,
         )

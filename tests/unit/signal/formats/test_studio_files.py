@@ -273,6 +273,10 @@ def test_a_cfg_that_is_the_radar_is_used(tmp_path: Path, cube: AdcCube, parts: A
     (folder / "profile.cfg").write_text(cube.radar.to_cfg())
     capture = open_capture(folder, radar=Radar.load(folder / "profile.cfg", board="awr1843"))
     np.testing.assert_array_equal(capture.cube().data, cube.data)
+    by_path = open_capture(folder, radar=folder / "profile.cfg", board="awr1843")
+    np.testing.assert_array_equal(by_path.cube().data, cube.data)
+    with pytest.raises(ValueError, match=r"board is 'awr1843': it goes with the path of a configuration as radar"):
+        open_capture(folder, board="awr1843")
 
 
 def test_names_in_a_setup_are_those_of_windows_in_any_case(tmp_path: Path, cube: AdcCube, parts: Any) -> None:
