@@ -5,12 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from types import MappingProxyType
 
 import numpy as np
 
 from rfgen_sionna.generative.action_definitions import MotionSignals, check
-from rfgen_sionna.generative.motion import ACTIONS, MotionSource, SentenceSource, Skeleton
+from rfgen_sionna.generative.motion import MotionSource, SentenceSource, Skeleton
+from rfgen_sionna.generative.motion_library import MotionLibrary
 from rfgen_sionna.generative.prompts import PromptError, ScenePrompt
 from rfgen_sionna.records import Motion
 
@@ -48,7 +50,7 @@ CHECKED: Mapping[str, tuple[str, ...]] = MappingProxyType(
 library's clips; actions by rules hold theirs for every seed and are not checked again."""
 
 
-def true_motion(make: Callable[[int], Motion], action: str, seed: int, nearest: Callable[[], Sequence[str]]) -> Motion:
+def true_motion(make: Callable[[int], Motion], action: str, seed: int) -> Motion:
     """The motion `make(seed)` if it shows `action`, or that of the first of a few further seeds that does.
 
     Parameters
@@ -59,13 +61,11 @@ def true_motion(make: Callable[[int], Motion], action: str, seed: int, nearest: 
         Its label; motions of actions that are not in `CHECKED` are returned unchecked.
     seed
         The first seed; the further ones are derived from it.
-    nearest
-        Gives the actions to name in a refusal.
 
     Raises
     ------
     PromptError
-        No motion shows the action; the message gives the reasons against the first one.
+        No motion shows the action; the message gives the reasons against the first one, and clips that show it.
     """
     motion = make(seed)
     wanted = CHECKED.get(action)
@@ -81,8 +81,19 @@ def true_motion(make: Callable[[int], Motion], action: str, seed: int, nearest: 
         reasons = reasons or min((verdict.reasons for verdict in verdicts), key=len)
     raise PromptError(
         f"action: {ATTEMPTS} motions by the motion model were tried, and none shows {action!r} ({'; '.join(reasons)}); "
-        f"nearest that it can do: {', '.join(nearest())}"
+        f"captured motion does: {_clips(action, wanted)}"
     )
+
+
+def _clips(action: str, wanted: Sequence[str]) -> str:
+    """How to take clips of the library that show an action instead."""
+    library = MotionLibrary()
+    clips = (clip.name for clip in library.actions.get(action, ()))
+    names = list(islice((name for name in clips if any(check(library.motion(name), each) for each in wanted)), 3))
+    if not names:
+        return "see rfgen motions"
+    others = f", or {', '.join(names[1:])}" if names[1:] else ""
+    return f"Actor.from_motion(MotionLibrary().motion({names[0]!r})){others}"
 
 
 def performed_motion(said: ScenePrompt, duration: float, seed: int, skeleton: Skeleton, source: MotionSource) -> Motion:
@@ -103,7 +114,4 @@ def performed_motion(said: ScenePrompt, duration: float, seed: int, skeleton: Sk
             action=said.action, arms=said.arms,
         )  # fmt: skip
 
-    def nearest() -> list[str]:
-        return [action for action in source.read(said.sentence).ranking if action in ACTIONS][:3]
-
-    return true_motion(make, said.action, seed, nearest)
+    return true_motion(make, said.action, seed)
