@@ -53,7 +53,7 @@ from rfgen_sionna.signal.formats.mmwave_studio import read_studio
 from rfgen_sionna.signal.formats.mmwave_studio_chirps import CHECKED_FIELDS, FULL_SCALE, RX_PER_DEVICE
 from rfgen_sionna.signal.formats.mmwave_studio_export import studio_config
 from rfgen_sionna.signal.formats.sidecar import SUFFIX, Description, find_description, periodic_times, sidecar_of
-from rfgen_sionna.signal.formats.studio_files import CONFIG, folder_config
+from rfgen_sionna.signal.formats.studio_files import folder_config, is_config
 
 NAME = "cascade"
 MAX_FILE_SIZE = 2047 << 20  # of the TDA2 host [bytes]
@@ -135,7 +135,7 @@ def read(path: str | os.PathLike[str], radar: Radar | None = None, *, partial: b
     if DATA_NAME.fullmatch(folder.name) or folder.suffix.lower() == ".json":
         folder = folder.parent
     sidecar = sidecar_of(folder / SIDECAR)
-    configs = (Path(path),) if Path(path).name.endswith(CONFIG) else folder_config(folder)
+    configs = (Path(path),) if is_config(Path(path)) else folder_config(folder)
 
     def same(found: Description) -> None:
         if configs:

@@ -10,7 +10,7 @@ from rfgen_sionna.signal.formats.files import companion, read_json
 from rfgen_sionna.signal.formats.matlab import is_ours
 from rfgen_sionna.signal.formats.npy import read_header
 from rfgen_sionna.signal.formats.sidecar import FORMER_SUFFIX, SUFFIX, is_sidecar, sidecar_of
-from rfgen_sionna.signal.formats.studio_files import CONFIG, SETUP
+from rfgen_sionna.signal.formats.studio_files import SETUP, is_config
 from rfgen_sionna.signal.formats.udp import header_size
 
 FORMATS = ("dca1000", "cascade", "position2go", "infineon", "rfgenesis", "matlab")
@@ -63,7 +63,7 @@ def _of_folder(folder: Path) -> str:
     if any(DATA_NAME.fullmatch(entry.name) for entry in entries):
         return "cascade"
     studio = any(entry.suffix.lower() == ".bin" for entry in entries) and any(
-        entry.name.endswith((CONFIG, SETUP)) for entry in entries
+        entry.name.lower().endswith(SETUP) or is_config(entry) for entry in entries
     )
     if studio:  # results of other programs may lie beside a recording
         entries = [

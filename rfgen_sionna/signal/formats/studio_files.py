@@ -16,7 +16,7 @@ from pathlib import Path, PureWindowsPath
 
 from rfgen_sionna.signal.formats.capture import CaptureFormatError, CaptureWarning
 from rfgen_sionna.signal.formats.files import read_json
-from rfgen_sionna.signal.formats.sidecar import sidecar_of
+from rfgen_sionna.signal.formats.sidecar import is_sidecar, sidecar_of
 
 CONFIG, SETUP = ".mmwave.json", ".setup.json"
 _NUMBERED = re.compile(r"(?P<base>.*?)(?P<raw>_raw)?_(?P<number>\d+)", re.IGNORECASE)
@@ -79,8 +79,8 @@ def find_files(path: Path) -> RecordedFiles:
     folder = path if path.is_dir() else path.parent
     if not path.exists():
         raise FileNotFoundError(f"capture file '{path}' does not exist")
-    setups = [_read_setup(found) for found in sorted(folder.glob(f"*{SETUP}"))]
-    if path.name.endswith(SETUP):
+    setups = [_read_setup(found) for found in _named(folder, SETUP)]
+    if path.name.lower().endswith(SETUP):
         setups = [setup for setup in setups if setup.path.name == path.name]
     elif path.suffix.lower() == ".json":
         setups = [setup for setup in setups if setup.find(setup.config).name == path.name]
@@ -100,11 +100,28 @@ def find_files(path: Path) -> RecordedFiles:
 def folder_config(folder: Path) -> tuple[Path, ...]:
     """Configuration of a folder with one recording, and the setup that names it: the `.mmwave.json` that the only
     `.setup.json` names, else the only `.mmwave.json`; nothing where that is open."""
-    setups = [_read_setup(found) for found in sorted(folder.glob(f"*{SETUP}"))]
+    setups = [_read_setup(found) for found in _named(folder, SETUP)]
     if len(setups) == 1 and (config := setups[0].find(setups[0].config)).is_file():
         return config, setups[0].path
-    configs = sorted(folder.glob(f"*{CONFIG}"))
+    configs = _configs(folder)
     return tuple(configs) if len(configs) == 1 else ()
+
+
+def is_config(file: Path) -> bool:
+    """Whether a file is a configuration of mmWave Studio, by its name or, since people rename them, by its content."""
+    if file.name.lower().endswith(CONFIG):
+        return True
+    named = file.suffix.lower() == ".json" and not is_sidecar(file) and file.is_file()
+    return named and b'"mmWaveDevices"' in file.read_bytes()
+
+
+def _configs(folder: Path) -> list[Path]:
+    """Configurations of mmWave Studio in a folder; those under other names where none has the usual one."""
+    return _named(folder, CONFIG) or [file for file in sorted(folder.iterdir()) if is_config(file)]
+
+
+def _named(folder: Path, suffix: str) -> list[Path]:
+    return [file for file in sorted(folder.iterdir()) if file.name.lower().endswith(suffix)]
 
 
 def _read_setup(path: Path) -> _Setup:
@@ -168,7 +185,7 @@ def _parts(files: Sequence[Path], setup: _Setup) -> tuple[Path, ...]:
 
 
 def _config_of(setup: _Setup, path: Path, has_sidecar: bool) -> Path | None:
-    config = path if path.name.endswith(CONFIG) else setup.find(setup.config)
+    config = path if is_config(path) else setup.find(setup.config)
     if config.is_file() or has_sidecar:
         return config if config.is_file() else None
     warnings.warn(
@@ -233,7 +250,7 @@ def _lone_config(folder: Path, base: str, files: Sequence[Path]) -> Path | None:
     for stem in (files[0].stem, base):
         if (config := folder / (stem + CONFIG)).is_file():
             return config
-    configs = sorted(folder.glob(f"*{CONFIG}"))
+    configs = _configs(folder)
     if len(configs) > 1 and not sidecar_of(files[0]).is_file():
         names = ", ".join(f"'{config.name}'" for config in configs)
         raise CaptureFormatError(f"'{folder}' holds {names} and no {SETUP} that names one of them: open one of them")

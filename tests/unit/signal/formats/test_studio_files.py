@@ -285,3 +285,16 @@ def test_names_in_a_setup_are_those_of_windows_in_any_case(tmp_path: Path, cube:
     folder = lay(tmp_path / "s", {"adc_data.bin": content, "adc_data.mmwave.json": config, "x.setup.json": record})
     for path in (folder, folder / "adc_data.mmwave.json"):
         np.testing.assert_array_equal(open_capture(path, radar="awr1843").cube().data, cube.data)
+
+
+@pytest.mark.parametrize("name", ["ADC_DATA.MMWAVE.JSON", "mmwave.json", "config.json"])
+def test_a_configuration_that_was_renamed_is_known_by_its_content(
+    tmp_path: Path, cube: AdcCube, parts: Any, name: str
+) -> None:
+    content, config, _ = parts
+    folder = lay(tmp_path / "s", {"adc_data.bin": content, name: config, "notes.json": {"weather": "dry"}})
+    with pytest.warns(CaptureWarning, match=rf"notes.json is not used; the radar is that of {name}"):
+        capture = open_capture(folder, radar="awr1843")
+    np.testing.assert_array_equal(capture.cube().data, cube.data)
+    with pytest.warns(CaptureWarning, match="notes.json"):
+        assert open_capture(folder / name, radar="awr1843").configs == (folder / name,)
