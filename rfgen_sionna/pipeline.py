@@ -241,7 +241,7 @@ def generate(
     target = check_output(default_output(said) if output is None else output, overwrite)
     image_options.check(moves=radar.trajectory is not None)
     place = DEFAULT_DISTANCE if said is None or said.distance_m is None else said.distance_m
-    if said is not None and place > radar.max_range:
+    if said is not None and place > radar.max_range and outside == "error":
         raise ValueError(
             f"distance is {place:g} m; the range window of radar '{radar.name}' (preset '{radar.preset}') ends at "
             f"{radar.max_range:.2f} m: choose a smaller one, or a preset with a lower slope or a higher sample rate"
