@@ -168,18 +168,17 @@ def write_pack(path: Path, clips: Sequence[tuple[LibraryClip, Motion]]) -> None:
             raise ValueError(f"clip '{clip.name}' has other joints or bones than '{clips[0][0].name}'")
         if motion.frame_rate != first.frame_rate or len(motion.translation) != clip.frames or motion.contacts is None:
             raise ValueError(f"clip '{clip.name}' has another rate or length than its record, or no contacts")
-    rotations, translations, contacts = [], [], []
+    rotations, translations = [], []
     for _, motion in clips:
         vectors = Rotation.from_quat(motion.rotations.reshape(-1, 4)).as_rotvec().reshape(len(motion.translation), -1)
         steps = np.clip(np.rint(vectors / _ANGLE), -(1 << 15), (1 << 15) - 1)
         rotations.append(_differences(steps.astype(np.int16)))
         translations.append(_differences(np.rint(motion.translation / _LENGTH).astype(np.int32)))
-        contacts.append(motion.contacts)
     np.savez_compressed(
         path,
         rotations=np.concatenate(rotations),
         translations=np.concatenate(translations),
-        contacts=np.packbits(np.concatenate(contacts), axis=0),
+        contacts=np.packbits(np.concatenate([np.asarray(motion.contacts) for _, motion in clips]), axis=0),
         offsets=np.asarray(first.offsets, dtype=np.float64),
         frame_rate=first.frame_rate,
         clips=np.frombuffer(json.dumps([vars(clip) for clip, _ in clips]).encode(), np.uint8),

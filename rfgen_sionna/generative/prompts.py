@@ -121,9 +121,9 @@ class ScenePrompt(ShortRepr):
             rows.append(("arms", f"{self.arms}: {ACTIONS[self.arms].description}"))
         if self.hand is not None:
             rows.append(("hand", self.hand))
-        for name, value in (("breathing", self.breathing_rate), ("heart", self.heart_rate)):
-            if value is not None:
-                rows.append((name, f"{value:g} a minute"))
+        for name, rate in (("breathing", self.breathing_rate), ("heart", self.heart_rate)):
+            if rate is not None:
+                rows.append((name, f"{rate:g} a minute"))
         rows += [
             ("orientation", f"{angle:g}°{_FACING.get(angle, '')}"),
             ("distance", f"{DEFAULT_DISTANCE if self.distance_m is None else self.distance_m:g} m"),

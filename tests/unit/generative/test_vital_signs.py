@@ -103,8 +103,8 @@ def test_labels_hold_rate_and_displacement() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", ["a person stands"])
-def test_breaths_and_beats_are_found_at_one_and_a_half_metres(words: str) -> None:
+@pytest.mark.filterwarnings("ignore:displacement. the samples lie on no clear circle")
+def test_breaths_and_beats_are_found_at_one_and_a_half_metres() -> None:
     """12 breaths and 70 beats a minute, each within 0.5 a minute, in the phase of the strongest moving range bin."""
     radar = rfgen.Radar.load(
         "iwr6843isk", position=(0, 0, 1.2), look_at=(1.5, 0, 1.2),
@@ -112,12 +112,12 @@ def test_breaths_and_beats_are_found_at_one_and_a_half_metres(words: str) -> Non
                    "preset.out_of_box.num_samples": 128},
     )  # fmt: skip
     living = rfgen.Actor.from_prompt(
-        f"{words}, breathes 12 times a minute, heart rate 70, at 1.5 m", duration=60.0, radar=radar
+        "a person stands, breathes 12 times a minute, heart rate 70, at 1.5 m", duration=40.0, radar=radar
     )
     still = rfgen.Actor.from_motion(living.motion, body=living.body, position=living.position,
                                     orientation=living.orientation)  # fmt: skip
     signs = VitalSigns(12.0, 70.0, heart_depth=5e-4, variability=0.0)
-    cube = rfgen.Simulator(None, radar, [still.with_vital_signs(signs)], rtol=0.03).adc(duration=60.0, seed=0)
+    cube = rfgen.Simulator(None, radar, [still.with_vital_signs(signs)], rtol=0.03).adc(duration=40.0, seed=0)
     found = displacement(cube.data, radar)
     assert 60 * found.rate() == pytest.approx(12.0, abs=0.5)
     assert 60 * found.rate(0.9, 1.6) == pytest.approx(70.0, abs=0.5)
