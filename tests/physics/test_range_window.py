@@ -58,6 +58,18 @@ def test_a_ball_that_flies_through():
     assert [bool(frame.any()) for frame in cube.data] == [False, True]
 
 
+def test_a_ball_that_has_come_in_is_as_accurate_as_one_that_was_there():
+    """Facets are chosen for the first return, not kept from frames without one."""
+    eight = rfgen.Radar.load("awr1843", overrides={"preset.mmmesh.num_loops": 8}, position=(0, 0, 1), look_at=(3, 0, 1))
+    ball = trimesh.creation.icosphere(3, 0.1)
+    flying = rfgen.Actor.from_mesh(ball, material="metal", name="ball", position=(12.5, 0, 1), velocity=(-10, 0, 0))
+    simulator = rfgen.Simulator(None, eight, [flying], rtol=0.002, outside="ignore")
+    entered = simulator.adc(0.3, noise=False).data
+    alone = simulator.adc(0.1, start=0.2, noise=False).data[0]
+    assert not entered[:2].any()
+    assert np.abs(entered[2] - alone).max() < 0.005 * np.abs(alone).max()
+
+
 def test_the_refusal_names_the_cure_and_silence_warns():
     away = car(lambda t: (50.0, 0, 0.7))
     with pytest.raises(ValueError, match=r'reaches .* m from the radar .*outside="ignore"'):

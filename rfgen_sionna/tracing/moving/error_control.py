@@ -90,12 +90,16 @@ class ErrorControl:
         turn: int | None,
     ) -> IntervalVisibility:
         """`visibility` at the `sample_times` [s] with an expansion that is fine enough. The number of the measurement,
-        `turn`, chooses the element pair; None keeps the expansion without a measurement."""
+        `turn`, chooses the element pair; None measures only surfaces that return for the first time."""
         continued = self.expansion is not None
         if continued and turn is not None and self._any_curved:  # turning changes the terminator
             self._weigh_terminator(self._trace_visibility(_middle(sample_times), interval))
         found = visibility(sample_times, self.expansion or self._refine(_middle(sample_times), interval, True))
-        if turn is None or self._measure(found, turn) <= 1.5 * max(self._rtol, self._error):
+        seen = np.any([each.level > 0 for each in found.visible], axis=0)
+        if turn is None and not (seen & (self.level == 0)).any():  # else out of range or of sight so far
+            return found
+        turn = turn or 0
+        if self._measure(found, turn) <= 1.5 * max(self._rtol, self._error):
             return found
         self.expansion = None
         again = visibility(found.sample_times, self._refine(_middle(found.sample_times), interval, continued))
