@@ -174,6 +174,15 @@ def fall_sideways(s: MotionSignals) -> Requirements:
     return [*fall(s), at_most("angle of the fall from straight sideways [degrees]", angle, 50.0)]
 
 
+def fall_from_chair(s: MotionSignals) -> Requirements:
+    return [
+        at_least("share of the first 0.3 s on a seat", share(seated(s)[FIRST]), 0.8),
+        at_least("fastest descent of the head over 0.2 s [m/s]", _descent(s)[1], 1.7),
+        at_most("height of the pelvis at the end [m]", _height_at(s, LAST), 0.35),
+        at_most("height of the head at the end [m]", s.head_height[LAST].mean(), 0.35),
+    ]
+
+
 def get_up(s: MotionSignals) -> Requirements:
     return [
         at_most("height of the pelvis at first [m]", s.pelvis_height[:10].min(), 0.4),
@@ -312,6 +321,11 @@ DEFINITIONS = (
     Definition("fall_forward", "A fall that lands with the head ahead of the pelvis.", fall_forward),
     Definition("fall_backward", "A fall that lands with the head behind the pelvis.", fall_backward),
     Definition("fall_sideways", "A fall that lands with the head to a side of the pelvis.", fall_sideways),
+    Definition(
+        "fall_from_chair",
+        "On a seat at first; the head drops at 1.7 m/s or more; pelvis and head under 0.35 m at the end.",
+        fall_from_chair,
+    ),
     Definition(
         "get_up", "Pelvis at the floor and head low at first; on the feet at the end, crouched or standing.", get_up
     ),

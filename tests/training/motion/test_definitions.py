@@ -44,3 +44,9 @@ def test_unknown_actions_and_fields_are_refused(tmp_path: Path) -> None:
     path.write_text("[groups]\nmixed = []\n[actions.walk]\nshown = []\ncompatible = []\nshwon = []\n")
     with pytest.raises(ValueError, match=r"walk\.shwon is unknown; allowed are"):
         read_clips(path)
+
+
+def test_the_page_holds_every_definition_as_it_is() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "actions.md").read_text(encoding="utf-8")
+    for action, definition in DEFINED_ACTIONS.items():
+        assert f"| `{action}` | {definition.sentence}" in text, "run python -m training.motion.definitions"

@@ -132,6 +132,35 @@ def test_falls_have_a_direction(clip: str, way: str) -> None:
     assert [each for each in ("forward", "backward", "sideways") if is_true_of(s, f"fall_{each}")] == [way]
 
 
+def test_a_fall_from_a_chair_starts_on_it() -> None:
+    sitting, lying = library().motion("m2m_base_Sitting_Idle_Loop"), library().motion("accad_f1_A09_LieT2")
+    drop = np.clip((np.arange(60) - 20) / 9.0, 0.0, 1.0)[:, None] ** 2  # falling in 0.45 s
+    turned = (1.0 - drop[..., None]) * sitting.rotations[0] + drop[..., None] * lying.rotations[0]
+    fallen = replace(
+        sitting,
+        rotations=turned / np.linalg.norm(turned, axis=-1, keepdims=True),
+        translation=(1.0 - drop) * sitting.translation[0] + drop * lying.translation[0],
+        contacts=None,
+    )
+    assert check(fallen, "fall_from_chair").reasons == ()
+    assert not is_true_of(fallen, "lie_down")
+    assert not is_true_of(fallen, "fall")  # the pelvis was never at the height of standing
+    assert not is_true_of(sitting, "fall_from_chair")
+    assert not is_true_of(library().motion(CLIPS["fall"]), "fall_from_chair")
+
+
+def test_a_walk_with_one_slow_leg_limps() -> None:
+    walk = KinematicSource(frame_rate=120.0)("walk_straight", 5.0, 2)
+    assert walk.contacts is not None
+    pace = np.where(walk.contacts[:, 0], 1.0, 1.8)  # the left leg swings 1.8 times as long
+    when = np.concatenate([[0.0], np.cumsum(pace)[:-1]])
+    order = np.rint(np.interp(np.arange(0.0, when[-1]), when, np.arange(len(when)))).astype(int)
+    limping = replace(walk, rotations=walk.rotations[order], translation=walk.translation[order], contacts=None)
+    assert is_true_of(limping, "limp")
+    assert is_true_of(limping, "walk")
+    assert not is_true_of(walk, "limp")
+
+
 def mirrored(motion: Motion) -> Motion:
     """Left and right exchanged."""
     twins = {n: n.replace("left", "right") if "left" in n else n.replace("right", "left") for n in motion.joint_names}
