@@ -117,6 +117,15 @@ class _CfgReader:
             chirps = [self._chirp(number, frame) for number in range(frame.first, frame.last + 1)]
             fired += chirps
             presets[frame.name] = self._preset(frame, self._with_signs(chirps, frame, index))
+        for command in self.by_key.get("lvdsstreamcfg", ()):
+            header, kind, software = (*command.arguments[1:4], "0", "0", "0")[:3]
+            if kind not in ("0", "1") or (kind == "1" and header == "1") or software == "1":
+                warnings.warn(
+                    f"{command} streams headers or other data among the samples; such a recording is not read: "
+                    "lvdsStreamCfg -1 0 1 0 streams samples alone",
+                    RadarConfigWarning,
+                    stacklevel=6,
+                )
         receivers = self.channels.integer("rxChannelEn")
         backoff = common_backoff(self.profiles, fired)
         if backoff is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -340,3 +341,12 @@ def test_a_board_of_ones_own(load: Load, radar_file: object) -> None:
     radar_file.set("name", "mine")  # type: ignore[attr-defined]
     radar_file.load()  # type: ignore[attr-defined]
     assert load(PLAIN, board=str(radar_file.path)).name == "mine"  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("stream", "warned"), [("-1 0 1 0", False), ("-1 1 1 1", True), ("-1 0 4 0", True)])
+def test_streams_of_more_than_samples_are_told(load: Load, stream: str, warned: bool) -> None:
+    """Headers (enableHeader 1), quality data (dataFmt 4) and user data (enableSW 1) stand among the samples."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        load(PLAIN + f"lvdsStreamCfg {stream}\n")
+    assert any("lvdsStreamCfg" in str(each.message) for each in caught) == warned
