@@ -99,7 +99,9 @@ class Calibration(ShortRepr):
         try:
             record: Any = json.loads(Path(path).read_text(encoding="utf-8"))
         except ValueError as error:
-            raise ValueError(f"calibration file '{path}' is not JSON: {error}") from error
+            raise ValueError(
+                f"calibration file '{path}' is not JSON: {error} (read_cfg_calibration reads that of TI's .cfg)"
+            ) from error
         if not isinstance(record, dict) or record.get("format") != _FORMAT or set(record) != set(_KEYS):
             raise ValueError(
                 f"calibration file '{path}' has {', '.join(map(str, record))}: the keys {', '.join(_KEYS)} are needed, "

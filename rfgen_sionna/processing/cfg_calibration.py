@@ -32,7 +32,11 @@ def read_cfg_calibration(path: str | os.PathLike[str], radar: Radar) -> Calibrat
         The file has no such command, or not all elements of the radar.
     """
     file = Path(path)
-    found = [each for each in commands(file.read_text(encoding="utf-8-sig", errors="replace")) if each.name == _COMMAND]
+    found = [
+        each
+        for each in commands(file.read_text(encoding="utf-8-sig", errors="replace"))
+        if each.key == _COMMAND.lower()
+    ]
     if not found:
         raise ValueError(f"'{file}' has no {_COMMAND}")
     try:
