@@ -18,6 +18,8 @@ from rfgen_sionna.records import Motion
 
 ATTEMPTS = 4
 """Motions that are tried, the first of the given seed."""
+SHORTEST = 1.0
+"""Length from which motions are checked [s]: shorter ones hold no whole action."""
 _RUN = ("run", "run_start", "run_stop", "run_stop_run", "run_turn_left", "run_turn_right", "run_jump", "run_jump_stop")
 CHECKED: Mapping[str, tuple[str, ...]] = MappingProxyType(
     dict.fromkeys(_RUN, ("run",))
@@ -58,7 +60,7 @@ def true_motion(make: Callable[[int], Motion], action: str, seed: int) -> Motion
     make
         Motion of a seed.
     action
-        Its label; motions of actions that are not in `CHECKED` are returned unchecked.
+        Its label; motions of actions that are not in `CHECKED`, and those under `SHORTEST`, are returned unchecked.
     seed
         The first seed; the further ones are derived from it.
 
@@ -69,7 +71,7 @@ def true_motion(make: Callable[[int], Motion], action: str, seed: int) -> Motion
     """
     motion = make(seed)
     wanted = CHECKED.get(action)
-    if wanted is None:
+    if wanted is None or motion.duration < SHORTEST:
         return motion
     reasons: tuple[str, ...] = ()
     for attempt in range(ATTEMPTS):
