@@ -297,6 +297,8 @@ def test_a_learned_motion_that_does_not_show_its_label_is_made_again_or_refused(
     assert seeds == first  # the further seeds follow from the given one
     assert true_motion(lambda seed: walk, "walk", 0) is walk
     assert true_motion(lambda seed: walk, "salsa", 0) is walk  # no reliable definition: unchecked
+    moment = replace(walk, rotations=walk.rotations[:8], translation=walk.translation[:8], contacts=None)
+    assert true_motion(lambda seed: moment, "fall", 0) is moment  # 0.35 s hold no fall
     with pytest.raises(
         PromptError, match=r"none shows 'fall' .*at the end \[m\].*MotionLibrary\(\).motion\('cmu_90_16_dm'\)"
     ):
