@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -30,8 +31,11 @@ def actor_labels(actors: Sequence[MeshActor], radar: Radar, t: float) -> dict[st
 def _one(actor: MeshActor, radar: Radar, radar_velocity: FloatArray, t: float) -> dict[str, Any]:
     surface = surface_of(actor)
     now = surface.vertices(t)
-    before, after = (surface.vertices(t + step).mean(axis=0) for step in (-LABEL_STEP, LABEL_STEP))
-    centre, velocity = now.mean(axis=0), (after - before) / (2 * LABEL_STEP)
+    # Motions hold still before their beginning and after their end.
+    begins, ends = (0.0, actor.duration) if 0.0 <= t < actor.duration else (-math.inf, math.inf)
+    first, last = max(t - LABEL_STEP, begins), min(t + LABEL_STEP, ends)
+    before, after = (surface.vertices(each).mean(axis=0) for each in (first, last))
+    centre, velocity = now.mean(axis=0), (after - before) / (last - first)
     offset = centre - np.asarray(radar.position)
     distance = float(np.linalg.norm(offset))
     device = offset @ radar.rotation / distance

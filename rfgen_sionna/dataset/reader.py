@@ -81,7 +81,7 @@ class Run(ShortRepr):
             yield f"radars {name_list(names)}"
             return
         radar = self.radar
-        yield f"{len(self)} frames"
+        yield f"{len(self)} frame{'' if len(self) == 1 else 's'}"
         yield time_span(self.frame_times)
         yield f"radar {self.name!r} ({radar.preset})"
         yield radar.cell_text
