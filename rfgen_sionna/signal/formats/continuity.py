@@ -141,17 +141,19 @@ def _best_break(
 
 def _roughness(content: Words, words: int, place: int, gap: int, borders: list[bool]) -> float:
     """Mean square difference of successive loops within frames, without `gap` words from `place` on: there the loop
-    before counts on."""
+    before counts on, and differences from it by the square of the number of loops between, as in a steady motion."""
     total, count = 0.0, 0
     last: Words | None = None
+    steps = np.ones(words, np.float32)
     for row in range(len(content) // words):
         now = content[row * words : (row + 1) * words].copy()
         low, high = (min(max(edge - row * words, 0), words) for edge in (place, place + gap))
         if last is not None and not borders[row]:
-            squares = (now - last) ** 2
+            squares = ((now - last) / steps) ** 2
             squares[low:high] = np.nan
             total += float(np.nansum(squares))
             count += int(np.count_nonzero(~np.isnan(squares)))
         now[low:high] = np.nan if last is None else last[low:high]
+        steps[:low], steps[low:high], steps[high:] = 1, steps[low:high] + 1, 1
         last = now
     return total / count if count else np.inf

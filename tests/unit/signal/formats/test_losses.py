@@ -257,3 +257,19 @@ def test_samples_are_not_taken_for_headers(tmp_path: Path, radar: Radar, content
     write_capture(small, tmp_path / "zero")
     assert not read_capture(tmp_path / "zero").data.any()
     assert replace(radar) == radar
+
+
+@pytest.mark.parametrize(("first", "count"), [(20, 2), (33, 3), (41, 4)])
+def test_packets_lost_before_one_fast_target_are_found(tmp_path: Path, radar: Radar, first: int, count: int) -> None:
+    """1 m/s turn the phase by a tenth of a cycle from loop to loop: across a gap, by more."""
+    loops = np.arange(FRAMES * LOOPS)[:, None, None, None]
+    cycles = 0.05 * np.arange(SAMPLES) + 0.1 * loops + 0.11 * np.arange(4)[:, None] + 0.3 * np.arange(3)[:, None, None]
+    samples = 2000 * np.exp(2j * np.pi * cycles)
+    parts = np.stack([samples.real, samples.imag], axis=-1)
+    parts += np.random.default_rng(1).normal(0, 30, parts.shape)
+    order = np.rint(parts).astype("<i2").reshape(-1, SAMPLES // 2, 2, 2).swapaxes(-1, -2)
+    lost = range(first, first + count)
+    (tmp_path / "adc_data.bin").write_bytes(without(bytearray(order.tobytes()), *lost))
+    said = rf"an estimate, at byte {first * PACKET:,} \(frame 0, .*, {count} packets\); zeros"
+    with pytest.raises(CaptureFormatError, match=said):
+        open_capture(tmp_path, radar=radar)
