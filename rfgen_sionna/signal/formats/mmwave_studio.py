@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.radar.board_frames import FRAME, BoardFrames, element_numbers, enabled_rx, named_tx
+from rfgen_sionna.radar.board_frames import BoardFrames, element_numbers, enabled_rx, named_tx
 from rfgen_sionna.radar.config import RadarConfigError
 from rfgen_sionna.radar.radar_fields import preset_waveform
 from rfgen_sionna.radar.studio_json import number, read_studio_config
@@ -138,7 +138,7 @@ def _with_frames(hardware: Radar, frames: BoardFrames, preset: str | None) -> Ra
     tx_phases, rx_phases = hardware.tx_phases_deg, hardware.rx_phases_deg
     return replace(
         hardware,
-        preset=hardware.preset if chosen == FRAME else chosen,
+        preset=chosen,
         waveform=waveform,
         tx_names=tuple(fired),
         tx_positions=hardware.tx_positions[kept],

@@ -192,6 +192,7 @@ def test_a_board_has_all_its_tx_whatever_its_preset_fires(tmp_path: Path) -> Non
     for hardware in ("awr2944evm", Radar.load("awr2944evm", position=(1, 2, 3), orientation=(0.1, 0, 0))):
         capture = open_capture(tmp_path, radar=hardware)
         assert capture.radar.tx_names == ("TX1", "TX2", "TX3", "TX4")
+        assert capture.radar.preset == "frame"  # no preset of the board
         np.testing.assert_array_equal(capture.radar.tx_positions, radar.tx_positions)
         np.testing.assert_array_equal(capture.frame(0), cube.data[0])
     assert capture.radar.position == (1, 2, 3)
