@@ -194,7 +194,8 @@ def _check_edges(points: FloatArray, triangles: IntArray, name: str) -> IntArray
         edge = first[crowded].min()
         raise MeshError(
             f"{name}: not manifold, {len(crowded)} edges are shared by more than two faces; the first joins vertices "
-            f"{low[edge]} and {high[edge]}{_duplicate_faces(triangles)}"
+            f"{low[edge]} and {high[edge]}"
+            f"{_duplicate_faces(triangles) or ' (Edge Split of Blender or unmerge_vertices of trimesh parts them)'}"
         )
     # Two faces of one orientation run through their edge in opposite directions.
     balance = np.bincount(inverse, weights=np.where(forward, 1.0, -1.0), minlength=len(uses))

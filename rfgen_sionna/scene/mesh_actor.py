@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -65,6 +66,13 @@ class MeshActor(ShortRepr):
             raise ValueError(f"name: {self.name!r} given, a text that is not empty is needed")
         for field in ("position", "orientation", "velocity"):
             object.__setattr__(self, field, vector(field, getattr(self, field), f"{self.name}: "))
+        if max(map(abs, self.orientation)) > 2 * math.pi:
+            turned = short_vector(np.degrees(self.orientation))
+            warnings.warn(
+                f"{self.name}: orientation is {short_vector(self.orientation)}, yaw, pitch, roll in radians, which are "
+                f"{turned}°: np.radians turns degrees into radians",
+                stacklevel=4,
+            )
         speed = math.hypot(*self.velocity)
         if speed > MAX_SPEED:
             raise ValueError(

@@ -296,3 +296,18 @@ def test_parts_without_a_known_name_take_the_default_material(tmp_path: Path) ->
     }  # fmt: skip
     with pytest.raises(ValueError, match="default_material: material gives one to the whole mesh"):
         rfgen.Actor.from_mesh(tmp_path / "chair.glb", material="metal", default_material="plastic")
+
+
+def test_an_orientation_in_degrees_is_told() -> None:
+    with pytest.warns(UserWarning, match=r"orientation is \(90, 0, 0\), yaw, pitch, roll in radians, .*5157"):
+        rfgen.Actor.from_mesh(trimesh.creation.box(), material="metal", orientation=(90, 0, 0))
+
+
+def test_a_mesh_that_is_not_manifold_is_taken_as_the_error_says() -> None:
+    """Three sheets at one edge."""
+    points, faces = [[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0], [-1, 0, 0]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]]
+    sheets = trimesh.Trimesh(points, faces, process=False)
+    with pytest.raises(MeshError, match=r"not manifold, 1 edges .*unmerge_vertices of trimesh parts them"):
+        rfgen.Actor.from_mesh(sheets, material="metal")
+    sheets.unmerge_vertices()
+    assert len(rfgen.Actor.from_mesh(sheets, material="metal").faces) == 3
