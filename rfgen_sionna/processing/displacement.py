@@ -40,8 +40,11 @@ class Displacement(ShortRepr):
     """Relative error of the scale of `displacement`: standard error of the radius of the fitted circle, or scatter
     about it. The rate does not depend on it."""
 
-    def rate(self, low: float = 0.1, high: float = 0.7) -> float:
+    def rate(self, low: float = 0.1, high: float = 0.7, *, without: float | None = None) -> float:
         """Frequency of the highest spectral line in `low` … `high` [Hz], those of breathing by default.
+
+        Harmonics of the frequency `without` [Hz] are fitted and removed first: those of breathing hide a heart,
+        `rate(0.8, 2.0, without=rate())`.
 
         Raises
         ------
@@ -57,8 +60,13 @@ class Displacement(ShortRepr):
                 f"the run lasts {len(self.time) * step:.3g} s, less than a period of low = {low:g} Hz: take a longer "
                 "run or a higher limit"
             )
-        trend = np.polynomial.Polynomial.fit(self.time, self.displacement, 1)
-        steady = (self.displacement - trend(self.time)) * np.hanning(len(self.time) + 2)[1:-1]
+        basis = [np.ones_like(self.time), self.time - self.time.mean()]
+        if without is not None:
+            phase = 2 * np.pi * np.outer(np.arange(1, int(high / without) + 1) * without, self.time)
+            basis += [*np.cos(phase), *np.sin(phase)]
+        parts = np.stack(basis, axis=1)
+        rest = self.displacement - parts @ np.linalg.lstsq(parts, self.displacement, rcond=None)[0]
+        steady = rest * np.hanning(len(self.time) + 2)[1:-1]
         bins = max(_FREQUENCIES, 4 * len(self.time))
         level, frequency = np.abs(fft.rfft(steady, bins)), fft.rfftfreq(bins, step)
         inside = np.flatnonzero((frequency >= low) & (frequency <= high))

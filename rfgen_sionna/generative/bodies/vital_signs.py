@@ -125,7 +125,7 @@ def skin_directions(rig: Rig, signs: VitalSigns) -> tuple[FloatArray, FloatArray
 
     belly = bump(0.3 * low[2] + 0.7 * middle[2], 0.0, 0.25)
     chest = bump(0.5 * (high[2] + neck[2]), 0.0, 0.24)
-    heart = bump(0.6 * high[2] + 0.4 * neck[2], 0.07 * size, 0.12)
+    heart = bump(0.6 * high[2] + 0.4 * neck[2], 0.07 * size, 0.25)
     breath = signs.belly_depth * belly / belly.max() + signs.chest_depth * chest / chest.max()
     return breath[:, None] * normals, (signs.heart_depth * heart / heart.max())[:, None] * normals
 
