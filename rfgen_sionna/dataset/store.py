@@ -23,13 +23,18 @@ class OutputError(ValueError):
     """An output file cannot be written."""
 
 
+_OTHER_FORMATS = (".npy", ".npz", ".mat", ".bin", ".raw", ".csv", ".json", ".png", ".gif", ".zarr")
+"""Endings of files that a reader would take for something else."""
+
+
 def check_output(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     """Check before long work that a file can be written at `path`, and return the path.
 
     Raises
     ------
     OutputError
-        If the file exists (without `overwrite`), is a folder, or its folder is missing or not writable.
+        If the file exists (without `overwrite`), is a folder, has the ending of another format, or its folder is
+        missing or not writable.
     TypeError
         If `path` is not a path.
     """
@@ -39,6 +44,11 @@ def check_output(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     folder = target.parent
     if target.is_dir() or not target.name:
         raise OutputError(f"output '{target}' is a folder: the name of a file is needed")
+    if target.suffix.lower() in _OTHER_FORMATS:
+        raise OutputError(
+            f"output '{target}' has the ending of another format; runs are HDF5 files: name it '{target.stem}.h5', and "
+            "export it (rfgen export, write_capture)"
+        )
     if not folder.is_dir():
         raise OutputError(f"output '{target}': the folder '{folder}' does not exist; create it first")
     try:

@@ -325,3 +325,8 @@ def test_real_samples_of_a_real_adc(tmp_path, radar):
         assert run.adc.dtype == np.float32
         assert run.clipped == np.prod(shape) / 4
         assert np.all(run.cube().data == 0.5)
+
+
+def test_a_run_is_not_written_under_the_name_of_another_format(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"ending of another format.*'run\.h5'"):
+        check_output(tmp_path / "run.npy")
