@@ -292,7 +292,7 @@ def test_files_that_are_no_scenes(tmp_path: Path):
         load_scene(file)
     file.write_text('<scene><shape type="cube"/></scene>')
     with pytest.raises(SceneError, match=r"a\.xml' cannot be loaded: .*version"):
-        _ = load_scene(file).objects
+        _ = load_scene(file, default_material="metal").objects
 
 
 def test_a_material_that_sionna_has_but_not_at_its_start_frequency_loads(tmp_path: Path):

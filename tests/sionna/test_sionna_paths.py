@@ -43,6 +43,7 @@ def mirror_level(radar, length):
     return radar.wavelength / (4 * np.pi * length)
 
 
+@pytest.mark.filterwarnings("ignore:.*32-bit floats of Sionna.s solvers")
 @pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (1500.0, -2300.0, 20.0)])
 def test_a_mirror_has_the_image_s_delay_in_double_precision(rt, centre):
     """Wherever the scene is; single precision loses up to 0.1 mm of path in a town."""

@@ -73,7 +73,7 @@ def test_what_it_gives(sim: Any, tmp_path: Path) -> None:
     check(report, "dca1000")
     check(open_capture(tmp_path, radar=sim.radar), "dca1000", "4 frames", "(loops, Tx, Rx, samples)", "√W per LSB")
     with sim.record(tmp_path / "run.h5", 0.1) as run:
-        check(run, "run.h5", "2 frames", "radar 'tiny'", "actors ball", "velocity")
+        check(run, "run.h5", "2 frames", "radar 'tiny'", "actors ball", "labels action, ")
         check(run.actors["ball"], "faces=1280 × 3")
     check(run, "closed")
 

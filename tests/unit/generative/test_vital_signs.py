@@ -106,6 +106,7 @@ def test_labels_hold_rate_and_displacement() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:displacement. the samples lie on no clear circle")
 @pytest.mark.parametrize(
     ("action", "radar_at", "aim"),
     [("sit", (0.0, 0.0, 1.0), (1.5, 0.0, 0.8)), ("lie", (1.5, 0.0, 1.7), (1.5, 0.1, 0.0))],
