@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.dataset import check_output
+from rfgen_sionna.dataset import check_run_output
 from rfgen_sionna.generative.actor import DEFAULT_DURATION
 from rfgen_sionna.generative.environment_prompt import split_source
 from rfgen_sionna.generative.environment_setup import IMAGE_FOV, IMAGE_PIXELS
@@ -72,7 +72,7 @@ def check_options(
         if not isinstance(value, bool):
             raise TypeError(f"{name} is {value!r}: True or False is needed")
     check_workers(workers, chosen_device(device))
-    target = Path("run.h5") if output is None else check_output(output, overwrite)
+    target = Path("run.h5") if output is None else check_run_output(output, overwrite)
     chosen_view(pir_resolution, fov_deg, projection, split_source(environment)[0])
     radar = _placed_radar(radar, preset, board, radar_position, look_at)
     radar.to_dict()  # refuses a radar that no file can hold

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rfgen_sionna._deprecation import warn_renamed
-from rfgen_sionna.dataset import check_output
+from rfgen_sionna.dataset import check_run_output
 from rfgen_sionna.generative.actor import DEFAULT_DURATION, Actor
 from rfgen_sionna.generative.clip_person import Clip, chosen_clip, person_with_clip, read_clip_prompt
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, tabulate
@@ -238,7 +238,7 @@ def generate(
     for sentence in asked.warnings(imagined=kind == "diffusion") if asked else ():
         _LOG.warning(sentence)
     resolution, fov = chosen_view(pir_resolution, fov_deg, projection, kind)
-    target = check_output(default_output(said) if output is None else output, overwrite)
+    target = check_run_output(default_output(said) if output is None else output, overwrite)
     image_options.check(moves=radar.trajectory is not None)
     place = DEFAULT_DISTANCE if said is None or said.distance_m is None else said.distance_m
     if said is not None and place > radar.max_range and outside == "error":

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna.dataset import STANDARD_LABELS, ActorInfo, Run, RunInfo, RunWriter, check_output, open_run
+from rfgen_sionna.dataset import STANDARD_LABELS, ActorInfo, Run, RunInfo, RunWriter, check_run_output, open_run
 from rfgen_sionna.dataset.actor_labels import actor_labels
 from rfgen_sionna.frame_loop import Frame
 from rfgen_sionna.pir import View, image
@@ -253,7 +253,7 @@ def write_run(
             same = run.is_same(infos)
         if same:
             return open_run(target)
-    target = check_output(output, overwrite)
+    target = check_run_output(output, overwrite)
     _check_space(target, plans)
     total = sum(plan.count for plan in plans.values())
     with (

@@ -33,8 +33,7 @@ def check_output(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     Raises
     ------
     OutputError
-        If the file exists (without `overwrite`), is a folder, has the ending of another format, or its folder is
-        missing or not writable.
+        If the file exists (without `overwrite`), is a folder, or its folder is missing or not writable.
     TypeError
         If `path` is not a path.
     """
@@ -44,11 +43,6 @@ def check_output(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     folder = target.parent
     if target.is_dir() or not target.name:
         raise OutputError(f"output '{target}' is a folder: the name of a file is needed")
-    if target.suffix.lower() in _OTHER_FORMATS:
-        raise OutputError(
-            f"output '{target}' has the ending of another format; runs are HDF5 files: name it '{target.stem}.h5', and "
-            "export it (rfgen export, write_capture)"
-        )
     if not folder.is_dir():
         raise OutputError(f"output '{target}': the folder '{folder}' does not exist; create it first")
     try:
@@ -58,6 +52,17 @@ def check_output(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
         raise OutputError(f"output '{target}': the folder '{folder}' is not writable ({error.strerror})") from error
     if target.exists() and not overwrite:
         raise OutputError(f"output '{target}' exists; choose another name, or pass overwrite=True (--overwrite)")
+    return target
+
+
+def check_run_output(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
+    """:func:`check_output` of a run, whose name must not have the ending of another format (else OutputError)."""
+    target = check_output(path, overwrite)
+    if target.suffix.lower() in _OTHER_FORMATS:
+        raise OutputError(
+            f"output '{target}' has the ending of another format; runs are HDF5 files: name it '{target.stem}.h5', and "
+            "export it (rfgen export, write_capture)"
+        )
     return target
 
 
@@ -92,7 +97,7 @@ class RunWriter:
         overwrite: bool = False,
         resume: bool = False,
     ) -> None:
-        self.path = check_output(path, overwrite)
+        self.path = check_run_output(path, overwrite)
         self.info = info
         self._overwrite, self._resume = overwrite, resume
         self._partial = self.path.parent / f".{self.path.name}.partial{'' if resume else f'-{os.getpid()}'}"

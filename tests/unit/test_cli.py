@@ -232,7 +232,7 @@ def test_show_after_generate_as_the_readme_has_it(rfgen: Rfgen) -> None:
         (["an elephant walking"], "'elephant'"),
         (["a person walking", "--output", "there.h5"], "there.h5"),
         (["a person walking", "--output", "free.h5"], "free.png"),
-        (["a person walking", "--output", "walk.png"], "picture"),
+        (["a person walking", "--output", "walk.png"], "another format"),
         (["a person walking", "--output", "nowhere/walk.h5"], "nowhere"),
         (["a person walking", "--pir-resolution", "0x3"], "--pir-resolution"),
         (["a person walking", "--pir-resolution", "many"], "--pir-resolution"),

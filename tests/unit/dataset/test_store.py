@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
-from rfgen_sionna.dataset import OutputError, RunWriter, check_output, open_run
+from rfgen_sionna.dataset import OutputError, RunWriter, check_output, check_run_output, open_run
 from rfgen_sionna.dataset.schema import ActorInfo, Label, RunInfo, software_versions
 
 
@@ -330,4 +330,4 @@ def test_real_samples_of_a_real_adc(tmp_path, radar):
 
 def test_a_run_is_not_written_under_the_name_of_another_format(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"ending of another format.*'run\.h5'"):
-        check_output(tmp_path / "run.npy")
+        check_run_output(tmp_path / "run.npy")
