@@ -131,6 +131,7 @@ class RadarScene:
         self.outside: Outside = outside
         self._materials = materials
         self._given = scene
+        self._shapes: Mapping[str, ElementTree.Element] = {}
         self._unfollowed: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
 
     def __repr__(self) -> str:
@@ -174,6 +175,7 @@ class RadarScene:
             scene = sionna.rt.load_scene()
         else:
             scene = _read(self.path, variant, self._materials)
+            self._shapes = shapes_by_name(self.path)  # once: the file may be gone later
             retune(scene, self.outside)
             for name, of in self._materials.items():
                 follow(scene.radio_materials[name.removeprefix("mat-")], of)
@@ -196,14 +198,13 @@ class RadarScene:
 
         scene, materials, found = self.sionna, dict[str, Material](), list[StaticObject]()
         targets, moving = list[str](), list[str]()
-        shapes = shapes_by_name(self.path)
         for name, item in scene.objects.items():
             if type(item).__name__ == "SensingTarget":
                 targets.append(name)
                 continue
             vertices, faces = _arrays(item.mi_mesh)
             if self.path is not None:
-                vertices, faces = exact_mesh(self.path, name, shapes.get(name), vertices, faces)
+                vertices, faces = exact_mesh(self.path, name, self._shapes.get(name), vertices, faces)
             vertices, faces = _with_area(vertices, faces)
             if not len(faces):
                 continue

@@ -380,3 +380,16 @@ def test_what_is_added_to_free_space_is_there():
     assert not scene.is_free_space
     by_scene, by_sionna = (Simulator(each, radar_of(77), []).paths() for each in (scene, scene.sionna))
     assert by_scene.num_paths == by_sionna.num_paths > 0
+
+
+def test_a_scene_that_is_read_needs_its_file_no_more(tmp_path: Path):
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.ply")
+    (tmp_path / "a.xml").write_text(
+        '<scene version="2.1.0"><bsdf type="diffuse" id="mat-itu_concrete"/><shape type="ply" id="mesh-crate">'
+        '<string name="filename" value="box.ply"/><ref id="mat-itu_concrete" name="bsdf"/></shape></scene>'
+    )
+    scene = load_scene(tmp_path / "a.xml", frequency=24e9)
+    assert [o.name for o in scene.objects] == ["crate"]
+    (tmp_path / "a.xml").unlink()
+    scene.tune(77e9)
+    assert [o.name for o in scene.objects] == ["crate"]
