@@ -5,6 +5,7 @@ Its permittivities are eps' - j eps'', frequencies in its formulas are in GHz an
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -20,7 +21,7 @@ ICE_DENSITY = 0.916
 
 
 @dataclass(frozen=True)
-class EarthSurface:
+class EarthSurface(ABC):
     """A model of P.527 at a temperature; a :class:`~rfgen_sionna.scene.permittivity.Permittivity`.
 
     Raises:
@@ -42,9 +43,9 @@ class EarthSurface:
         """Frequencies [Hz] of the formulas."""
         return ((1e9, 1000e9),)
 
+    @abstractmethod
     def permittivity(self, ghz: float) -> complex:
         """Complex relative permittivity at a frequency [GHz]."""
-        raise NotImplementedError
 
     def evaluate(self, frequency: float, outside: Outside) -> tuple[float, float]:
         if outside == "clamp":

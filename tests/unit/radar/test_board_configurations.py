@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.radar import Radar
+from tests.unit.signal.formats.captures import BGT60_SHAPE
 
 DEMO = """\
 % Platform:{platform}
@@ -60,26 +61,7 @@ CONFIGURATIONS = {
         "AWR294X", "0 77 267 7 57.14 0 0 70 1 560 11396 0 0 158", [1, 4, 2], "0 2 16 20 560 100 1 0", real=True
     ),
 }
-BREATHING = {
-    "device_config": {
-        "fmcw_single_shape": {
-            "aaf_cutoff_Hz": 500000,
-            "chirp_repetition_time_s": 0.0005911249900236726,
-            "end_frequency_Hz": 63500000000,
-            "frame_repetition_time_s": 0.07726884633302689,
-            "hp_cutoff_Hz": 80000,
-            "if_gain_dB": 23,
-            "mimo_mode": "off",
-            "num_chirps_per_frame": 8,
-            "num_samples_per_chirp": 64,
-            "rx_antennas": [1, 2, 3],
-            "sample_rate_Hz": 2000000,
-            "start_frequency_Hz": 58000000000,
-            "tx_antennas": [1],
-            "tx_power_level": 31,
-        }
-    }
-}
+BREATHING = {"device_config": {"fmcw_single_shape": BGT60_SHAPE}}
 
 
 def same_radar(found: Radar, wanted: Radar) -> None:
