@@ -114,6 +114,8 @@ def open_capture(
         target, format = recognise(target)
     capture: Capture = _module(format).read(target, known, partial=partial, **options)
     _name_unused(capture, radar)
+    if not capture.configs and capture.format in ("dca1000", "cascade") and known is not radar:
+        _name_preset(capture, radar)
     return capture
 
 
@@ -152,6 +154,20 @@ def _module(format: str) -> ModuleType:
     if format not in FORMATS:
         raise ValueError(f"format is {format!r}; allowed: {', '.join(FORMATS)}")
     return import_module(f"rfgen_sionna.signal.formats.{format}")
+
+
+def _name_preset(capture: Capture, radar: Any) -> None:
+    """Warn of frames as in the preset of a board by name: files of samples alone do not hold their length."""
+    if radar is None or Path(radar).is_file():
+        return
+    taken = capture.radar
+    warnings.warn(
+        f"'{capture.paths[0]}' has no configuration beside it: frames are those of preset '{taken.preset}' of "
+        f"'{taken.name}', {taken.waveform.num_loops} loops of {taken.waveform.num_samples} samples; for others pass "
+        f"radar=Radar.load({taken.name!r}, preset=…), or a .cfg and board={taken.name!r}",
+        CaptureWarning,
+        stacklevel=3,
+    )
 
 
 def _name_unused(capture: Capture, radar: Radar | str | os.PathLike[str] | None) -> None:

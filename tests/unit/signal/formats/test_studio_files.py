@@ -298,3 +298,13 @@ def test_a_configuration_that_was_renamed_is_known_by_its_content(
     np.testing.assert_array_equal(capture.cube().data, cube.data)
     with pytest.warns(CaptureWarning, match="notes.json"):
         assert open_capture(folder / name, radar="awr1843").configs == (folder / name,)
+
+
+def test_a_preset_that_nobody_named_is_named(tmp_path: Path) -> None:
+    """Eight frames of 16 loops without a configuration look like one of 128."""
+    words = np.random.default_rng(0).integers(-999, 999, 8 * 16 * 3 * 4 * 256 * 2).astype("<i2")
+    words.tofile(tmp_path / "adc_data.bin")
+    with pytest.warns(CaptureWarning, match="no configuration.*preset 'mmmesh' of 'awr1843', 128 loops of 256"):
+        assert len(open_capture(tmp_path, radar="awr1843")) == 1
+    chosen = Radar.load("awr1843", overrides={"preset.mmmesh.num_loops": 16})
+    assert len(open_capture(tmp_path, radar=chosen)) == 8  # by choice, without a warning
