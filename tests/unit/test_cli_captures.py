@@ -100,7 +100,8 @@ def test_options_of_captures_are_none_of_runs(tmp_path: Path) -> None:
 
 
 def test_samples_on_the_disk_are_a_cube(board: Path) -> None:
-    capture = open_capture(board, radar="awr1843")
+    with pytest.warns(CaptureWarning, match="no configuration beside it"):
+        capture = open_capture(board, radar="awr1843")
     assert (capture.adc.shape, capture.adc.dtype) == ((2, 128, 3, 4, 256), np.complex64)
     with pytest.warns(CaptureWarning, match="lost"):
         whole = capture.cube()
