@@ -9,6 +9,9 @@ PATHS = ("straight", "to_and_fro", "circle", "loop")
 ARM_POSTURES = ("hanging", "on_hips", "folded", "behind_back", "in_pockets")
 """Postures of arms that the action leaves free."""
 
+_TIRED = 0.75
+"""Pace and size of the movements of who is tired, of the usual ones."""
+
 
 @dataclass(frozen=True)
 class Manner:
@@ -32,3 +35,13 @@ class Manner:
     """Slow, stooped and with small movements."""
     hand: str | None = None
     """"left", "right" or "both", where an action lets the hand be chosen."""
+
+    @property
+    def pace(self) -> float:
+        """Factor on the usual pace, also of who is tired."""
+        return (1.0 if self.speed is None else self.speed) * (_TIRED if self.tired else 1.0)
+
+    @property
+    def size(self) -> float:
+        """Factor on the usual size of the movement, also of who is tired."""
+        return (1.0 if self.amplitude is None else self.amplitude) * (_TIRED if self.tired else 1.0)

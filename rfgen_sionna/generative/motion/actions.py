@@ -9,14 +9,15 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion import gestures, jumps, postures
 from rfgen_sionna.generative.motion.pick_up import pick_up
 from rfgen_sionna.generative.motion.skeleton import HANDS, SIDES
 from rfgen_sionna.generative.motion.tracks import MotionTracks
 from rfgen_sionna.generative.motion.walk import walk, walk_straight
 
-Writer = Callable[[MotionTracks, np.random.Generator, str, float], None]
-"""(tracks, rng, hand "left" or "right", speed factor): writes an action into tracks."""
+Writer = Callable[[MotionTracks, np.random.Generator, str, Manner], None]
+"""(tracks, rng, hand "left" or "right", manner): writes an action into tracks."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.curves import keys, wander
 from rfgen_sionna.generative.motion.postures import quiet, relaxed, stand_up_straight
 from rfgen_sionna.generative.motion.skeleton import FINGERS, side_sign
@@ -38,18 +39,22 @@ def _wrist(tracks: MotionTracks, hand: str, from_shoulder: FloatArray, reach: fl
 
 
 def _repeat(
-    t: FloatArray, rng: np.random.Generator, durations: Sequence[float], values: Sequence[Sequence[float]], speed: float
+    t: FloatArray,
+    rng: np.random.Generator,
+    durations: Sequence[float],
+    values: Sequence[Sequence[float]],
+    manner: Manner,
 ) -> FloatArray:
     """(n, d) values of repeated key poses (k, d) with a personal rhythm; `durations` [s] are of the move to each
     key."""
-    total = sum(durations) / speed
+    total = sum(durations) / manner.pace
     clock = -rng.uniform(0.0, 1.0) * total
     times, states = [clock - 1e-3], [np.asarray(values[-1], float)]
     while times[-1] <= t[-1]:
         tempo, size = rng.uniform(0.92, 1.08), rng.uniform(0.93, 1.07)
         centre = np.mean(values, axis=0)
         for duration, value in zip(durations, values, strict=True):
-            clock += duration * tempo / speed
+            clock += duration * tempo / manner.pace
             times.append(clock)
             states.append(centre + size * (np.asarray(value, float) - centre))
     return keys(t, times, np.array(states))
@@ -59,7 +64,7 @@ def _drift(tracks: MotionTracks, rng: np.random.Generator, size: float = 0.012) 
     return np.stack([wander(tracks.t, rng, size, 0.15, 1.2) for _ in range(3)], axis=-1)
 
 
-def swipe(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, towards: int) -> None:
+def swipe(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner, towards: int) -> None:
     """A quick stroke of the open hand across the body; `towards` is +1 for the person's left."""
     reach = _ready(tracks, rng, hand)
     s = side_sign(hand)
@@ -76,7 +81,7 @@ def swipe(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: floa
         (forward, begin, level, 1.0),
         (forward, begin, level, 1.0),
     ]
-    state = _repeat(tracks.t, rng, (stroke, pause, 0.55 * again, 0.55 * again, 0.5 * pause), values, speed)
+    state = _repeat(tracks.t, rng, (stroke, pause, 0.55 * again, 0.55 * again, 0.5 * pause), values, manner)
     _wrist(tracks, hand, state[:, :3] + _drift(tracks, rng), reach)
     wrist = tracks.hands[hand]
     flat = state[:, 3]
@@ -95,7 +100,7 @@ def _to_and_fro(
     tracks: MotionTracks,
     rng: np.random.Generator,
     hand: str,
-    speed: float,
+    manner: Manner,
     reaches: Sequence[tuple[float, float]],
     times: Sequence[tuple[float, float]],
     drawn_in: tuple[float, float],
@@ -111,16 +116,16 @@ def _to_and_fro(
     durations = [rng.uniform(*between) for between in times]
     out, back = (far, side, level), (near, side + drawn_in[0], level - drawn_in[1])
     values = [(*place, closed) for place, closed in zip((out, out, back, back), grip, strict=True)]
-    state = _repeat(tracks.t, rng, durations, values, speed)
+    state = _repeat(tracks.t, rng, durations, values, manner)
     _wrist(tracks, hand, state[:, :3] + _drift(tracks, rng), reach)
     return state[:, 3], (far - state[:, 0]) / (far - near)
 
 
-def push(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def push(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """The palm moves forwards quickly and back slowly."""
     reaches = (0.34, 0.44), (0.88, 0.95), (-0.25, 0.0), (-0.2, 0.1)
     times = (0.3, 0.42), (0.15, 0.35), (0.7, 1.0), (0.1, 0.35)
-    out, _ = _to_and_fro(tracks, rng, hand, speed, reaches, times, (0.06, 0.06), (1.0, 1.0, 0.0, 0.0))
+    out, _ = _to_and_fro(tracks, rng, hand, manner, reaches, times, (0.06, 0.06), (1.0, 1.0, 0.0, 0.0))
     wrist = tracks.hands[hand]
     wrist.pronation = 1.2 + 0.1 * out + rng.uniform(-0.1, 0.05)
     wrist.flexion = -0.75 - 0.3 * out + rng.uniform(-0.06, 0.1)
@@ -130,11 +135,11 @@ def push(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float
     stand_up_straight(tracks)
 
 
-def pull(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def pull(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """The hand reaches out slowly, grasps, and moves to the body quickly."""
     reaches = (0.34, 0.45), (0.86, 0.94), (-0.35, -0.1), (-0.15, 0.1)
     times = (0.75, 1.1), (0.18, 0.3), (0.32, 0.45), (0.15, 0.4)
-    grip, nearness = _to_and_fro(tracks, rng, hand, speed, reaches, times, (0.12, 0.15), (0.0, 1.0, 1.0, 0.3))
+    grip, nearness = _to_and_fro(tracks, rng, hand, manner, reaches, times, (0.12, 0.15), (0.0, 1.0, 1.0, 0.3))
     closed, wrist = np.clip(grip, 0.0, 1.0)[:, None, None], tracks.hands[hand]
     wrist.pronation[:] = rng.uniform(0.2, 0.9)
     wrist.flexion = -0.15 + 0.2 * closed[:, 0, 0]
@@ -144,11 +149,11 @@ def pull(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float
     stand_up_straight(tracks)
 
 
-def circle(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, clockwise: bool) -> None:
+def circle(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner, clockwise: bool) -> None:
     """Circles of the hand in a plane in front of the body; the sense is from the person's view."""
     reach = _ready(tracks, rng, hand)
     s, t = side_sign(hand), tracks.t
-    period = rng.uniform(1.0, 1.6) / speed
+    period = rng.uniform(1.0, 1.6) / manner.pace
     radius, flat = rng.uniform(0.26, 0.36), rng.uniform(0.85, 1.1)
     angle = 2.0 * np.pi * (t / period + rng.uniform()) + 0.25 * wander(t, rng, 1.0, 0.1, 0.4)
     # from the person's view; right is -y in the world, -s outwards
@@ -167,12 +172,12 @@ def circle(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: flo
     stand_up_straight(tracks)
 
 
-def click(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def click(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """The index finger taps forwards and down; the hand follows slightly."""
     reach = _ready(tracks, rng, hand)
     spot = np.array([rng.uniform(0.6, 0.75), rng.uniform(-0.2, 0.05), rng.uniform(-0.3, -0.1)])
     press, lift, wait = rng.uniform(0.12, 0.18), rng.uniform(0.16, 0.24), rng.uniform(0.3, 0.7)
-    state = _repeat(tracks.t, rng, (press, 0.06, lift, wait), [(1.0,), (1.0,), (0.0,), (0.0,)], speed)
+    state = _repeat(tracks.t, rng, (press, 0.06, lift, wait), [(1.0,), (1.0,), (0.0,), (0.0,)], manner)
     tap = state[:, 0]
     poke = rng.uniform(0.02, 0.06)
     _wrist(
@@ -193,7 +198,7 @@ def click(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: floa
     stand_up_straight(tracks)
 
 
-def finger_swing(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def finger_swing(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """The raised index finger swings from side to side, from wrist and knuckle."""
     reach = _ready(tracks, rng, hand)
     t = tracks.t
@@ -201,7 +206,7 @@ def finger_swing(tracks: MotionTracks, rng: np.random.Generator, hand: str, spee
     tracks.arms[hand].pole = np.tile([-0.35, 0.15, -1.0], (tracks.n, 1))
     spot = np.array([rng.uniform(0.45, 0.55), rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.15)])
     _wrist(tracks, hand, spot + _drift(tracks, rng, 0.006), reach)
-    rate = rng.uniform(1.3, 2.2) * speed
+    rate = rng.uniform(1.3, 2.2) * manner.pace
     angle = 2.0 * np.pi * (rate * t + rng.uniform()) + 0.3 * wander(t, rng, 1.0, 0.1, 0.5)
     size = rng.uniform(0.8, 1.15) * (1.0 + 0.08 * wander(t, rng, 1.0))
     wag = size * np.sin(angle)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.balance import over_feet
 from rfgen_sionna.generative.motion.curves import ease, hermite, keys, wander
 from rfgen_sionna.generative.motion.postures import lift_arm, quiet, relaxed
@@ -65,7 +66,7 @@ def _leave_floor(
         states.insert(-2, [s + tuck, take_off - GRAVITY * (middle - off), -GRAVITY])
 
 
-def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Repeated jumps: dip with the arms back, push off, fly, land softly, stand."""
     t, sk = tracks.t, tracks.skeleton
     leg = sk.leg_length()
@@ -79,10 +80,10 @@ def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float
     landing = np.sqrt(2.0 * GRAVITY * (height + leave - touch))
     flight = (take_off + landing) / GRAVITY
     dip, push, land, rest = (
-        rng.uniform(0.34, 0.5) / speed**0.5,
+        rng.uniform(0.34, 0.5) / manner.pace**0.5,
         np.clip(2.1 * depth / take_off, 0.2, 0.42),
         rng.uniform(0.26, 0.36),
-        rng.uniform(0.35, 0.6) / speed,
+        rng.uniform(0.35, 0.6) / manner.pace,
     )
     tucked = rng.uniform(0.0, 0.06) * leg
     arms_up = rng.uniform(0.3, 1.5)
@@ -154,12 +155,12 @@ def _dips(times: list[float], z: list[list[float]]) -> tuple[list[float], list[f
     return times, [max(-state[0] / depth, 0.0) for state in z]
 
 
-def jumping_jacks(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def jumping_jacks(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Feet apart with arms overhead, feet together with arms down, a hop between."""
     t, sk = tracks.t, tracks.skeleton
     leg = sk.leg_length()
     quiet(tracks, rng, 0.7)
-    half = rng.uniform(0.48, 0.64) / speed
+    half = rng.uniform(0.48, 0.64) / manner.pace
     flight = rng.uniform(0.36, 0.44) * half
     take_off = 0.5 * GRAVITY * flight
     dip = rng.uniform(0.035, 0.06) * leg / 0.82

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import (
@@ -91,8 +92,11 @@ class KinematicSource:
         skeleton: Skeleton | None = None,
         hand: str | None = None,
         speed: float = 1.0,
+        manner: Manner | None = None,
     ) -> Motion:
         """Synthesise an action; see :class:`~rfgen_sionna.generative.motion.MotionSource`.
+
+        `manner` is how the action is done; `hand` and `speed` go before those of it.
 
         Raises:
             ValueError: unknown action; duration not in (0, 600] s; speed not in [0.5, 2]; a hand that the action does
@@ -102,6 +106,9 @@ class KinematicSource:
             raise ValueError(f"action: {action!r} is unknown; allowed are {', '.join(ACTIONS)}")
         if not (np.isfinite(duration) and 0.0 < duration <= MAX_DURATION):
             raise ValueError(f"duration: {duration!r} s; allowed is more than 0 and at most {MAX_DURATION:g} s")
+        manner = manner or Manner()
+        hand = hand or manner.hand
+        speed = manner.speed if speed == 1.0 and manner.speed is not None else speed
         if not SPEED_RANGE[0] <= speed <= SPEED_RANGE[1]:
             raise ValueError(f"speed: {speed!r}; allowed is a factor from {SPEED_RANGE[0]} to {SPEED_RANGE[1]}")
         check_hand(hand, action)
@@ -112,7 +119,7 @@ class KinematicSource:
         dense = int(np.ceil(_DENSE_RATE / self.frame_rate))
         t = np.arange(int(np.ceil(duration * self.frame_rate - 1e-9)) * dense + 1) / (self.frame_rate * dense)
         tracks = MotionTracks(skeleton, t, rng.uniform(0.95, 1.35), rng.uniform(0.06, 0.2))
-        ACTIONS[action].write(tracks, rng, drawn if hand == "both" else hand, speed)
+        ACTIONS[action].write(tracks, rng, drawn if hand == "both" else hand, replace(manner, speed=speed))
         world, joints = (a[::dense] for a in tracks.solve())
         local = world.copy()
         for j, p in enumerate(PARENTS):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.balance import fit_height, over_feet
 from rfgen_sionna.generative.motion.curves import keys
 from rfgen_sionna.generative.motion.limits import joint_angles
@@ -13,7 +14,7 @@ from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, SIDES, side_
 from rfgen_sionna.generative.motion.tracks import MotionTracks
 
 
-def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Bend hips, knees and back, reach to the floor with one hand or both, grasp, stand up again."""
     t, sk = tracks.t, tracks.skeleton
     leg = sk.leg_length()
@@ -22,8 +23,8 @@ def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: fl
     both = rng.uniform() < 0.4
     squat = rng.uniform(0.28, 0.42) * leg
     stoop = rng.uniform(0.32, 0.5)
-    down, hold, up = (rng.uniform(*r) / speed for r in ((0.9, 1.3), (0.25, 0.55), (0.9, 1.4)))
-    clock = rng.uniform(0.1, 0.5) / speed
+    down, hold, up = (rng.uniform(*r) / manner.pace for r in ((0.9, 1.3), (0.25, 0.55), (0.9, 1.4)))
+    clock = rng.uniform(0.1, 0.5) / manner.pace
     times, low, grip = [0.0], [0.0], [(0.0, 0.0)]
     carried = 0.0
     while times[-1] <= t[-1]:
@@ -33,7 +34,7 @@ def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: fl
             times.append(clock)
             low.append(depth)
         grip += [(clock - up - hold, 1.0 - carried), (clock - up - 0.05, carried)]
-        clock += rng.uniform(0.4, 0.9) / speed
+        clock += rng.uniform(0.4, 0.9) / manner.pace
     amount = keys(t, times, low)
     # trunk and head start before the knees
     early = keys(t + 0.08, times, low)

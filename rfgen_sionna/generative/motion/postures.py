@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.balance import fit_height, over_feet
 from rfgen_sionna.generative.motion.curves import keys, wander
 from rfgen_sionna.generative.motion.skeleton import SIDES
@@ -52,11 +53,11 @@ def stand_up_straight(tracks: MotionTracks) -> None:
     fit_height(tracks)
 
 
-def standing(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def standing(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Quiet standing with shifts of weight between the legs."""
     relaxed(tracks, rng)
     quiet(tracks, rng, rng.uniform(0.8, 1.4))
-    shift = np.clip(wander(tracks.t, rng, rng.uniform(0.0, 0.08), 0.05, 0.2 * speed), -0.25, 0.25)
+    shift = np.clip(wander(tracks.t, rng, rng.uniform(0.0, 0.08), 0.05, 0.2 * manner.pace), -0.25, 0.25)
     over_feet(tracks, 0.5 + shift)
     fit_height(tracks)
 
@@ -86,14 +87,14 @@ def _both_arms(tracks: MotionTracks, rng: np.random.Generator, elevation: float)
         hand.curl *= rng.uniform(0.1, 0.5)
 
 
-def t_pose(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def t_pose(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Both arms held out sideways at shoulder height."""
     quiet(tracks, rng, 1.0)
     _both_arms(tracks, rng, np.radians(rng.uniform(-3.0, 3.0)))
     stand_up_straight(tracks)
 
 
-def y_pose(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def y_pose(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Both arms held up and out, like a Y."""
     quiet(tracks, rng, 1.0)
     _both_arms(tracks, rng, np.radians(rng.uniform(42.0, 55.0)))
@@ -101,18 +102,18 @@ def y_pose(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: flo
 
 
 def hold_envelope(
-    t: FloatArray, rng: np.random.Generator, speed: float, rise: tuple[float, float], shift: float = 0.0
+    t: FloatArray, rng: np.random.Generator, pace: float, rise: tuple[float, float], shift: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """Repeated raise of a limb: up in `rise` [s], held for some seconds, down.
 
     Returns:
         (n,) height, 0 .. 1, and (n,) weight on the other side, 0 .. 1; the weight shifts `shift` [s] before the limb.
     """
-    up, shift = rng.uniform(*rise) / speed, shift / speed
+    up, shift = rng.uniform(*rise) / pace, shift / pace
     times, lifted, weight = [0.0], [0.0], [0.0]
-    clock = rng.uniform(0.05, 0.3) / speed
+    clock = rng.uniform(0.05, 0.3) / pace
     while times[-1] <= t[-1]:
-        hold, rest = rng.uniform(3.5, 6.0) / speed, rng.uniform(0.5, 1.2) / speed
+        hold, rest = rng.uniform(3.5, 6.0) / pace, rng.uniform(0.5, 1.2) / pace
         steps = [(0.0, 0.0, 0.0), (shift, 0.0, 1.0), (up, 1.0, 1.0), (hold, 1.0, 1.0), (up * 1.1, 0.0, 1.0)]
         for step, value, share in [*steps, (shift, 0.0, 0.0)]:
             clock += step
@@ -124,11 +125,11 @@ def hold_envelope(
     return keys(t, times, lifted), keys(t, times, weight)
 
 
-def arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, side: str) -> None:
+def arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner, side: str) -> None:
     """An arm rises and stays up."""
     relaxed(tracks, rng)
     quiet(tracks, rng, 1.0)
-    amount, _ = hold_envelope(tracks.t, rng, speed, (0.6, 1.1))
+    amount, _ = hold_envelope(tracks.t, rng, manner.pace, (0.6, 1.1))
     out, high = np.radians(rng.uniform(15.0, 50.0)), np.radians(rng.uniform(50.0, 75.0))
     direction = np.array([np.cos(out) * np.cos(high), np.sin(out) * np.cos(high), np.sin(high)])
     tracks.arms[side].pole = (
@@ -143,12 +144,12 @@ def arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed:
     stand_up_straight(tracks)
 
 
-def leg_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float, side: str) -> None:
+def leg_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner, side: str) -> None:
     """A leg is lifted forwards and held, with balance on the other."""
     relaxed(tracks, rng)
     quiet(tracks, rng, 1.2)
     sk, foot = tracks.skeleton, tracks.feet[side]
-    amount, shifted = hold_envelope(tracks.t, rng, speed, (0.7, 1.2), rng.uniform(0.4, 0.55))
+    amount, shifted = hold_envelope(tracks.t, rng, manner.pace, (0.7, 1.2), rng.uniform(0.4, 0.55))
     hip, knee = np.radians(rng.uniform(65.0, 90.0)), np.radians(rng.uniform(30.0, 90.0))
     hip_angle = hip * amount * (1.0 + 0.02 * wander(tracks.t, rng, 1.0))
     knee_angle = knee * np.sin(np.pi * np.minimum(amount, 1.0)) * 0.25 + knee * amount

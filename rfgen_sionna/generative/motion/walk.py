@@ -8,6 +8,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.balance import ride_height
 from rfgen_sionna.generative.motion.curves import bump, cruise, ease, hermite, keys, wander
 from rfgen_sionna.generative.motion.postures import relaxed
@@ -93,10 +94,10 @@ def _pace(tracks: MotionTracks, rng: np.random.Generator, speed: float) -> tuple
     return pace, np.sqrt(WALK_RATIO * 60.0 * pace) * rng.uniform(0.94, 1.06) * size**0.75
 
 
-def walk(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def walk(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Back and forth over 1 to 1.6 m, forwards first; shorter in short motions."""
     end = float(tracks.t[-1])
-    pace, step = _pace(tracks, rng, speed)
+    pace, step = _pace(tracks, rng, manner.pace)
     period = 2.0 * step / pace
     length = rng.uniform(0.9, 1.5)
     turn_time = rng.uniform(2.1, 2.5) * period
@@ -111,9 +112,9 @@ def walk(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float
     _gait(tracks, rng, path, pace, step)
 
 
-def walk_straight(tracks: MotionTracks, rng: np.random.Generator, hand: str, speed: float) -> None:
+def walk_straight(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Straight ahead for the whole duration."""
-    pace, step = _pace(tracks, rng, speed)
+    pace, step = _pace(tracks, rng, manner.pace)
     _gait(tracks, rng, straight(float(tracks.t[-1]), pace), pace, step)
 
 
