@@ -29,10 +29,10 @@ from rfgen_sionna.generative.diffusion.features import (
     encode,
     replace_parts,
 )
-from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
 from rfgen_sionna.generative.diffusion.phrasebook import UPPER
 from rfgen_sionna.generative.diffusion.rhythm import Beat
 from rfgen_sionna.generative.motion import ACTIONS
+from rfgen_sionna.generative.motion.foot_lock import lock_feet
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, NUM_BODY_JOINTS
 from rfgen_sionna.records import Motion
 from training.motion.kinematic_clips import Clip, read_clips

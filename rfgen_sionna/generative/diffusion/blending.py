@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.features import FRAME_RATE, LOCAL, PARTS, TRACKED_POSITIONS, TURN, from_six, runs
+from rfgen_sionna.generative.diffusion.features import FRAME_RATE, LOCAL, PARTS, TRACKED_POSITIONS, TURN, from_six
+from rfgen_sionna.generative.motion.resampling import runs
 
 EASE = 0.6
 """Duration of a transition [s]: about half a step of walking."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import FRAME_RATE, NUM_FEATURES, PARTS, HandBasis, encode
-from rfgen_sionna.generative.diffusion.postprocessing import resample_motion
 from rfgen_sionna.generative.motion import MEAN_ADULT
+from rfgen_sionna.generative.motion.resampling import resample_motion
 from rfgen_sionna.generative.motion.skeleton import SIDES
 from rfgen_sionna.records import Motion
 

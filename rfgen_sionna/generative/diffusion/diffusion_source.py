@@ -37,13 +37,13 @@ from rfgen_sionna.generative.diffusion.motion_sampling import (
     threads_for,
 )
 from rfgen_sionna.generative.diffusion.network import SOURCES
-from rfgen_sionna.generative.diffusion.path_following import LONGER, check_path, follow_motion, follow_path, path_pace
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, LOWER, UPPER, doing
 from rfgen_sionna.generative.diffusion.postprocessing import RATE, to_motion
 from rfgen_sionna.generative.diffusion.root_placement import free_placement, limit_speed, move_to_start
 from rfgen_sionna.generative.diffusion.understanding import Understanding, ambiguous_actions, known_reading, understand
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, Skeleton
 from rfgen_sionna.generative.motion.kinematic import both_hands, check_hand
+from rfgen_sionna.generative.motion.path_following import LONGER, check_path, follow_motion, follow_path, path_pace
 from rfgen_sionna.records import Motion
 
 _LOG = logging.getLogger(__name__)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
@@ -23,8 +22,6 @@ from rfgen_sionna.records import Motion
 
 FRAME_RATE = 20.0
 """Poses per second of feature rows [Hz]."""
-TRANSITION = 0.15
-"""Time of the transition between fixed and corrected poses [s]; bounds the jump of velocities."""
 HAND_COMPONENTS = 6
 """Principal components of the fingers of a hand."""
 HAND_JOINTS = {
@@ -213,9 +210,3 @@ def replace_parts(base: FloatArray, other: FloatArray, parts: Sequence[str]) -> 
     places = joint_positions(out)[:, list(TRACKED)] - out[:, None, ROOT]
     out[:, TRACKED_POSITIONS] = places.reshape(len(out), -1)
     return out
-
-
-def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """(first, last + 1) of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

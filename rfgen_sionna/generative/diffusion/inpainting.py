@@ -22,10 +22,10 @@ from rfgen_sionna.generative.diffusion.features import (
     TURN,
     heading,
     recentred,
-    runs,
     turned,
 )
 from rfgen_sionna.generative.diffusion.motion_sampling import LONGEST, MotionRequest, MotionSampler
+from rfgen_sionna.generative.motion.resampling import runs
 
 _WHERE = [list(PARTS).index(part) for part in ("place", "pelvis")]
 LATEST = 60

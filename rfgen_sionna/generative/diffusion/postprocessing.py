@@ -7,19 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.features import FRAME_RATE, HandBasis, decode
-from rfgen_sionna.generative.diffusion.floor_contact import (
+from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
+from rfgen_sionna.generative.motion.floor_contact import (
     keep_body_above_floor,
     keep_hands_above_floor,
     separate_arms_from_trunk,
 )
-from rfgen_sionna.generative.diffusion.foot_lock import lock_feet, root_from_feet
-from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
+from rfgen_sionna.generative.motion.foot_lock import lock_feet, root_from_feet
 from rfgen_sionna.generative.motion.limits import LIMITS
+from rfgen_sionna.generative.motion.resampling import resample_motion
 from rfgen_sionna.generative.motion.rotations import Z, about, same_sign
 from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, SIDES, side_sign
 from rfgen_sionna.records import Motion
@@ -79,26 +79,6 @@ def _at_rate(rows: NDArray[np.bool_], motion: Motion) -> NDArray[np.bool_]:
     last = len(rows) - 1
     before, after = (np.clip(near.astype(int), 0, last) for near in (np.floor(at + 1e-9), np.ceil(at - 1e-9)))
     return np.asarray(rows[before] & rows[after])
-
-
-def resample_motion(motion: Motion, rate: float) -> Motion:
-    """The motion at another rate, along cubic splines through its poses."""
-    n = len(motion.translation)
-    if n < 2 or rate == motion.frame_rate:
-        return motion
-    t = np.arange(n) / motion.frame_rate
-    fine = np.arange(int(np.floor((n - 1) * rate / motion.frame_rate + 1e-9)) + 1) / rate
-    quaternions = CubicSpline(t, motion.rotations.reshape(n, -1))(fine).reshape(len(fine), -1, 4)
-    contacts = motion.contacts
-    if contacts is not None:
-        contacts = contacts[np.minimum(np.round(fine * motion.frame_rate).astype(int), n - 1)]
-    return replace(
-        motion,
-        rotations=quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True),
-        translation=np.asarray(CubicSpline(t, motion.translation)(fine), np.float64),
-        frame_rate=rate,
-        contacts=contacts,
-    )
 
 
 def clamp_joint_angles(motion: Motion) -> Motion:

@@ -12,13 +12,13 @@ from rfgen_sionna.generative.diffusion.features import (
     FRAME_RATE,
     LOCAL,
     TRACKED_POSITIONS,
-    TRANSITION,
     TURN,
     from_six,
     heading,
     joint_positions,
     turned,
 )
+from rfgen_sionna.generative.motion.foot_lock import TRANSITION
 from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions
 
 _FASTEST = 9.0

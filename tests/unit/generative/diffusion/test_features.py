@@ -21,12 +21,12 @@ from rfgen_sionna.generative.diffusion.features import (
     heading,
     joint_positions,
     recentred,
-    runs,
     turned,
 )
-from rfgen_sionna.generative.diffusion.foot_lock import lock_feet, root_from_feet
 from rfgen_sionna.generative.diffusion.postprocessing import clamp_joint_angles
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
+from rfgen_sionna.generative.motion.foot_lock import lock_feet, root_from_feet
+from rfgen_sionna.generative.motion.resampling import runs
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS
 from rfgen_sionna.records import Motion
 from training.motion.motion_corpus import fit_hands, mirrored

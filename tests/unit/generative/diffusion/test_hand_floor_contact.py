@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.floor_contact import keep_hands_above_floor
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
+from rfgen_sionna.generative.motion.floor_contact import keep_hands_above_floor
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, forward_kinematics, global_rotations
 from rfgen_sionna.records import Motion

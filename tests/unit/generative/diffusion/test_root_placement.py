@@ -13,9 +13,9 @@ from rfgen_sionna.generative.diffusion.constraints import MotionConstraint, resa
 from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
 from rfgen_sionna.generative.diffusion.features import LOCAL, NUM_FEATURES, PARTS, TURN, encode, joint_positions, turned
 from rfgen_sionna.generative.diffusion.inpainting import LATEST, draft_around
-from rfgen_sionna.generative.diffusion.path_following import follow_motion
 from rfgen_sionna.generative.diffusion.root_placement import limit_speed
 from rfgen_sionna.generative.motion import KinematicSource
+from rfgen_sionna.generative.motion.path_following import follow_motion
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.floor_contact import separate_arms_from_trunk
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
+from rfgen_sionna.generative.motion.floor_contact import separate_arms_from_trunk
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics, global_rotations, side_sign
 from rfgen_sionna.records import Motion

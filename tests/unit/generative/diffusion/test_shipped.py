@@ -17,10 +17,10 @@ from rfgen_sionna.generative.bodies import Phenotype, animate, person
 from rfgen_sionna.generative.diffusion.constraints import MotionConstraint, resampled_features
 from rfgen_sionna.generative.diffusion.diffusion_source import SHIPPED, DiffusionSource
 from rfgen_sionna.generative.diffusion.features import PARTS, heading, joint_positions
-from rfgen_sionna.generative.diffusion.foot_lock import lock_feet
 from rfgen_sionna.generative.diffusion.motion_sampling import SMALL
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
+from rfgen_sionna.generative.motion.foot_lock import lock_feet
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, forward_kinematics, global_rotations
 from rfgen_sionna.records import Motion

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.motion import Skeleton
 from rfgen_sionna.generative.motion.rotations import (
     X,
     Z,
@@ -24,6 +23,7 @@ from rfgen_sionna.generative.motion.skeleton import (
     FINGERS,
     JOINT,
     SIDES,
+    Skeleton,
     forward_kinematics,
     global_rotations,
     side_sign,

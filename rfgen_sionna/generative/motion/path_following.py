@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.postprocessing import resample_motion
+from rfgen_sionna.generative.motion.resampling import resample_motion
 from rfgen_sionna.generative.motion.rotations import continuous
 from rfgen_sionna.records import Motion
 

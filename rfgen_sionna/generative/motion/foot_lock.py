@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.diffusion.features import TRANSITION, runs
-from rfgen_sionna.generative.motion import MEAN_ADULT, Skeleton
+from rfgen_sionna.generative.motion.resampling import runs
 from rfgen_sionna.generative.motion.rotations import X, normalised, to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import (
     JOINT,
+    MEAN_ADULT,
     PLANTED_BELOW,
     SIDES,
+    Skeleton,
     forward_kinematics,
     from_rest,
     global_rotations,
@@ -24,6 +25,8 @@ from rfgen_sionna.generative.motion.skeleton import (
 )
 from rfgen_sionna.records import Motion
 
+TRANSITION = 0.15
+"""Time of the transition between fixed and corrected poses [s]; bounds the jump of velocities."""
 _SHORTEST = 0.13
 """Duration below which a plant counts as noise [s]."""
 _ROLLING = 0.012
