@@ -14,6 +14,7 @@ from rfgen_sionna.generative.action_definitions.definition import (
     Requirements,
     at_least,
     at_most,
+    defines,
     easiest,
 )
 from rfgen_sionna.generative.action_definitions.motion_signals import MotionSignals
@@ -119,6 +120,11 @@ def _held_up(s: MotionSignals, side: int) -> Requirements:
     ]
 
 
+@defines(
+    "click",
+    "A hand held before the body; its index finger bends and stretches.",
+    "anything on bodies without fingers: those are refused",
+)
 def click(s: MotionSignals) -> Requirements:
     if s.index_flexion is None:
         return [at_least("joints of the index fingers", 0, 1)]
@@ -133,6 +139,9 @@ def click(s: MotionSignals) -> Requirements:
     return _either(of, s)
 
 
+@defines(
+    "finger_swing", "A hand held before the body swings from side to side in the wrist.", "which finger is stretched"
+)
 def finger_swing(s: MotionSignals) -> Requirements:
     def of(s: MotionSignals, side: int) -> Requirements:
         hand = s.orientations[f"{('left', 'right')[side]}_wrist"][:, :, 1]
@@ -154,6 +163,7 @@ def finger_swing(s: MotionSignals) -> Requirements:
     return _either(of, s)
 
 
+@defines("wave", "A raised forearm swings from side to side three times or more.")
 def wave(s: MotionSignals) -> Requirements:
     def of(s: MotionSignals, side: int) -> Requirements:
         up = (s.hands_over_shoulders[:, side] > -0.1) & (s.pair("wrist")[:, side, 2] > s.pair("elbow")[:, side, 2])
@@ -178,6 +188,7 @@ def wave(s: MotionSignals) -> Requirements:
     return _either(of, s)
 
 
+@defines("clap", "The hands meet before the body three times or more.")
 def clap(s: MotionSignals) -> Requirements:
     near = np.minimum(s.hands_apart, 1.0)
     points = turning_points(near, 0.08)
@@ -204,6 +215,7 @@ def _punches(s: MotionSignals, least: float = 2.1) -> list[tuple[int, int]]:
     return sorted(found)
 
 
+@defines("punch", "A hand strikes out ahead, at 2.1 m/s or more, from a bent elbow, on the feet, in about one place.")
 def punch(s: MotionSignals) -> Requirements:
     strikes = [k for k, _ in _punches(s) if s.thigh_elevation[max(k - 7, 0) : k + 8].max() < 55.0]
     return [
@@ -215,6 +227,7 @@ def punch(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("boxing", "Three punches or more, one in three seconds or more often.")
 def boxing(s: MotionSignals) -> Requirements:
     return [
         *punch(s),
@@ -223,6 +236,11 @@ def boxing(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines(
+    "throw",
+    "A hand goes out from a bent arm to arm's length, ahead or up, at 1.4 m/s or more, over the shoulder.",
+    "whether something is thrown",
+)
 def throw(s: MotionSignals) -> Requirements:
     def of(s: MotionSignals, side: int) -> Requirements:
         out = np.where(s.wrist_velocity[:, side, 2] + s.wrist_velocity[:, side, 0] > 0.0, s.wrist_speed[:, side], 0.0)
@@ -240,6 +258,7 @@ def throw(s: MotionSignals) -> Requirements:
     return _either(of, s)
 
 
+@defines("arm_circles", "A nearly straight arm goes once round the shoulder.")
 def arm_circles(s: MotionSignals) -> Requirements:
     def of(s: MotionSignals, side: int) -> Requirements:
         hand = s.ahead(s.pair("wrist") - s.pair("shoulder"))[:, side]
@@ -255,6 +274,7 @@ def arm_circles(s: MotionSignals) -> Requirements:
     return _either(of, s)
 
 
+@defines("swing_arms", "Both arms swing to and fro in one place.")
 def swing_arms(s: MotionSignals) -> Requirements:
     hands = s.ahead(s.pair("wrist") - s.pair("shoulder"))
     moves = [max(swings(hands[:, k, axis], 0.2) for axis in range(2)) for k in range(2)]
@@ -270,6 +290,11 @@ def swing_arms(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines(
+    "sweep",
+    "Both hands, together before the body and low, swing in step to and fro.",
+    "whether the hands hold a broom, a mop or a rake",
+)
 def sweep(s: MotionSignals) -> Requirements:
     hands = s.wrists.mean(axis=1)
     length, match = period(hands)
@@ -290,6 +315,9 @@ def sweep(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines(
+    "wash_window", "A hand ahead and over the waist moves to and fro six times or more.", "whether there is a window"
+)
 def wash_window(s: MotionSignals) -> Requirements:
     def of(s: MotionSignals, side: int) -> Requirements:
         seen = np.stack([-s.wrists[:, side, 1], s.wrists[:, side, 2]], axis=-1)
@@ -311,7 +339,7 @@ def wash_window(s: MotionSignals) -> Requirements:
     return _either(of, s)
 
 
-DEFINITIONS = (
+DEFINITIONS: tuple[Definition, ...] = (
     Definition(
         "swipe_left",
         "A hand before the body goes to the person's left fast and comes back slower.",
@@ -332,45 +360,16 @@ DEFINITIONS = (
         "A hand before the body goes round counter-clockwise as the person sees it.",
         partial(_circle, 1.0),
     ),
-    Definition(
-        "click",
-        "A hand held before the body; its index finger bends and stretches.",
-        click,
-        "anything on bodies without fingers: those are refused",
-    ),
-    Definition(
-        "finger_swing",
-        "A hand held before the body swings from side to side in the wrist.",
-        finger_swing,
-        "which finger is stretched",
-    ),
-    Definition("wave", "A raised forearm swings from side to side three times or more.", wave),
-    Definition("clap", "The hands meet before the body three times or more.", clap),
-    Definition(
-        "punch",
-        "A hand strikes out ahead, at 2.1 m/s or more, from a bent elbow, on the feet, in about one place.",
-        punch,
-    ),
-    Definition("boxing", "Three punches or more, one in three seconds or more often.", boxing),
-    Definition(
-        "throw",
-        "A hand goes out from a bent arm to arm's length, ahead or up, at 1.4 m/s or more, over the shoulder.",
-        throw,
-        "whether something is thrown",
-    ),
-    Definition("arm_circles", "A nearly straight arm goes once round the shoulder.", arm_circles),
-    Definition("swing_arms", "Both arms swing to and fro in one place.", swing_arms),
-    Definition(
-        "sweep",
-        "Both hands, together before the body and low, swing in step to and fro.",
-        sweep,
-        "whether the hands hold a broom, a mop or a rake",
-    ),
-    Definition(
-        "wash_window",
-        "A hand ahead and over the waist moves to and fro six times or more.",
-        wash_window,
-        "whether there is a window",
-    ),
+    click,
+    finger_swing,
+    wave,
+    clap,
+    punch,
+    boxing,
+    throw,
+    arm_circles,
+    swing_arms,
+    sweep,
+    wash_window,
 )
 """Actions of this module."""

@@ -5,12 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.action_definitions.definition import (
-    Definition,
-    Requirements,
-    at_least,
-    at_most,
-)
+from rfgen_sionna.generative.action_definitions.definition import Definition, Requirements, at_least, at_most, defines
 from rfgen_sionna.generative.action_definitions.motion_signals import STANDING, MotionSignals
 from rfgen_sionna.generative.action_definitions.sampled_series import (
     RATE,
@@ -61,6 +56,7 @@ def _height_at(s: MotionSignals, moment: slice) -> float:
     return float(s.pelvis_height[moment].mean())
 
 
+@defines("standing", "Upright on both feet in one place, trunk up, hands low and slow.")
 def standing(s: MotionSignals) -> Requirements:
     place = s.joint("pelvis")[:, :2]
     return [
@@ -80,6 +76,7 @@ def standing(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("sit", "On a seat (thighs raised, the centre of mass behind the feet) or on the floor, trunk up, throughout.")
 def sit(s: MotionSignals) -> Requirements:
     return [at_least("share of time seated, on a seat or the floor", share(seated(s) | on_the_floor(s)), 0.9)]
 
@@ -92,10 +89,12 @@ def _sits_down(s: MotionSignals, goal: Flags) -> Requirements:
     ]
 
 
+@defines("sit_down", "Upright at first; seated on a seat or the floor at the end.")
 def sit_down(s: MotionSignals) -> Requirements:
     return _sits_down(s, seated(s) | on_the_floor(s))
 
 
+@defines("stand_up", "Seated at first; upright on the feet at the end.")
 def stand_up(s: MotionSignals) -> Requirements:
     goal = seated(s) | on_the_floor(s)
     return [
@@ -105,6 +104,7 @@ def stand_up(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("sit_and_stand", "Seated for a time and upright for a time.")
 def sit_and_stand(s: MotionSignals) -> Requirements:
     return [
         at_least("longest time seated [s]", longest(seated(s) | on_the_floor(s)), 0.3),
@@ -112,6 +112,7 @@ def sit_and_stand(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("lie", "Pelvis under 0.35 m and head under 0.45 m, trunk level, throughout.")
 def lie(s: MotionSignals) -> Requirements:
     return [at_least("share of time with pelvis and head at the floor", share(lying(s)), 0.9)]
 
@@ -123,6 +124,7 @@ def _descent(s: MotionSignals) -> tuple[int, float]:
     return fastest, float(speed[fastest])
 
 
+@defines("lie_down", "Pelvis raised at first, pelvis and head at the floor at the end, without a fall between.")
 def lie_down(s: MotionSignals) -> Requirements:
     down = lying(s)
     return [
@@ -133,6 +135,7 @@ def lie_down(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("fall", "On the feet at first; the head drops at 2.5 m/s or more; pelvis and head under 0.35 m at the end.")
 def fall(s: MotionSignals) -> Requirements:
     when, speed = _descent(s)
     before = slice(0, when + 1)
@@ -156,24 +159,30 @@ def _toward(s: MotionSignals) -> FloatArray:
     return np.array([c * trunk[0] + n * trunk[1], c * trunk[1] - n * trunk[0]])
 
 
+@defines("fall_forward", "A fall that lands with the head ahead of the pelvis.")
 def fall_forward(s: MotionSignals) -> Requirements:
     ahead, left = _toward(s)
     angle = float(np.degrees(np.arctan2(abs(left), ahead)))
     return [*fall(s), at_most("angle of the fall from straight ahead [degrees]", angle, 50.0)]
 
 
+@defines("fall_backward", "A fall that lands with the head behind the pelvis.")
 def fall_backward(s: MotionSignals) -> Requirements:
     ahead, left = _toward(s)
     angle = float(np.degrees(np.arctan2(abs(left), -ahead)))
     return [*fall(s), at_most("angle of the fall from straight back [degrees]", angle, 50.0)]
 
 
+@defines("fall_sideways", "A fall that lands with the head to a side of the pelvis.")
 def fall_sideways(s: MotionSignals) -> Requirements:
     ahead, left = _toward(s)
     angle = float(np.degrees(np.arctan2(abs(ahead), abs(left))))
     return [*fall(s), at_most("angle of the fall from straight sideways [degrees]", angle, 50.0)]
 
 
+@defines(
+    "fall_from_chair", "On a seat at first; the head drops at 1.7 m/s or more; pelvis and head under 0.35 m at the end."
+)
 def fall_from_chair(s: MotionSignals) -> Requirements:
     return [
         at_least("share of the first 0.3 s on a seat", share(seated(s)[FIRST]), 0.8),
@@ -183,6 +192,7 @@ def fall_from_chair(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("get_up", "Pelvis at the floor and head low at first; on the feet at the end, crouched or standing.")
 def get_up(s: MotionSignals) -> Requirements:
     return [
         at_most("height of the pelvis at first [m]", s.pelvis_height[:10].min(), 0.4),
@@ -193,6 +203,7 @@ def get_up(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("crouch", "On the feet with the pelvis over them under 0.72 of standing, for 0.4 s or more.")
 def crouch(s: MotionSignals) -> Requirements:
     return [
         at_least("longest time on the feet with a pelvis under 0.72 of standing [s]", longest(low(s)), 0.4),
@@ -202,6 +213,9 @@ def crouch(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines(
+    "squat", "From standing down to a pelvis under 0.72 of standing on bent knees, trunk up, and back, in one place."
+)
 def squat(s: MotionSignals) -> Requirements:
     down = int(np.argmin(s.legs))
     return [
@@ -217,11 +231,13 @@ def squat(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("kneel", "On a knee for 0.8 s or more, trunk up, pelvis over the floor.")
 def kneel(s: MotionSignals) -> Requirements:
     down = (s.pair("knee")[..., 2].min(axis=1) < 0.14) & (s.pelvis_height > 0.25) & (s.pelvis_height < 0.65)
     return [at_least("longest time on a knee, trunk up [s]", longest(down & (s.inclination < 85.0)), 0.8)]
 
 
+@defines("bend", "Trunk inclined by 40 degrees or more on the feet, in about one place.")
 def trunk_flexion(s: MotionSignals) -> Requirements:
     return [
         at_least(
@@ -237,6 +253,7 @@ def trunk_flexion(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("bow", "Trunk inclined by 22 degrees or more on nearly straight legs and back up, hands not at the floor.")
 def bows_down(s: MotionSignals) -> Requirements:
     still = smooth(s.speed, 0.8) < 0.35
     deepest = int(np.argmax(np.where(still & (s.feet.max(axis=1) < 0.1), s.inclination, 0.0)))
@@ -265,18 +282,31 @@ def _hand_down(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines(
+    "pick_up",
+    "A hand goes down to 0.45 m or less from the feet and comes up again.",
+    "whether the hand holds something: picking up and putting down look alike",
+)
 def pick_up(s: MotionSignals) -> Requirements:
     hand = s.hand_height.min(axis=1)
     later = np.maximum.accumulate(hand[::-1])[::-1] - hand
     return [*_hand_down(s), at_least("rise of the hand from there [m]", later[hand < 0.45].max(initial=0.0), 0.3)]
 
 
+@defines(
+    "put_down",
+    "A hand comes down to 0.45 m or less from the feet.",
+    "whether the hand holds something: picking up and putting down look alike",
+)
 def put_down(s: MotionSignals) -> Requirements:
     hand = s.hand_height.min(axis=1)
     before = np.maximum.accumulate(hand) - hand
     return [*_hand_down(s), at_least("way of the hand down there [m]", before[hand < 0.45].max(initial=0.0), 0.3)]
 
 
+@defines(
+    "lift", "Both wrists from waist height or less to over the shoulders, together.", "whether the hands hold something"
+)
 def lift(s: MotionSignals) -> Requirements:
     before = np.minimum.accumulate(s.hand_height.max(axis=1))
     over = (s.hands_over_shoulders.min(axis=1) > 0.1) & (s.hands_apart < 0.65)
@@ -288,6 +318,7 @@ def lift(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("crawl", "Hands at the floor and face down most of the time, on the way, the hands in turn.")
 def crawl(s: MotionSignals) -> Requirements:
     four = (s.hand_height.min(axis=1) < 0.25) & (s.inclination > 45.0) & (s.pelvis_height < 0.75) & (s.front < 0.2)
     return [
@@ -299,67 +330,28 @@ def crawl(s: MotionSignals) -> Requirements:
     ]
 
 
-DEFINITIONS = (
-    Definition("standing", "Upright on both feet in one place, trunk up, hands low and slow.", standing),
-    Definition(
-        "sit",
-        "On a seat (thighs raised, the centre of mass behind the feet) or on the floor, trunk up, throughout.",
-        sit,
-    ),
-    Definition("sit_down", "Upright at first; seated on a seat or the floor at the end.", sit_down),
-    Definition("stand_up", "Seated at first; upright on the feet at the end.", stand_up),
-    Definition("sit_and_stand", "Seated for a time and upright for a time.", sit_and_stand),
-    Definition("lie", "Pelvis under 0.35 m and head under 0.45 m, trunk level, throughout.", lie),
-    Definition(
-        "lie_down", "Pelvis raised at first, pelvis and head at the floor at the end, without a fall between.", lie_down
-    ),
-    Definition(
-        "fall",
-        "On the feet at first; the head drops at 2.5 m/s or more; pelvis and head under 0.35 m at the end.",
-        fall,
-    ),
-    Definition("fall_forward", "A fall that lands with the head ahead of the pelvis.", fall_forward),
-    Definition("fall_backward", "A fall that lands with the head behind the pelvis.", fall_backward),
-    Definition("fall_sideways", "A fall that lands with the head to a side of the pelvis.", fall_sideways),
-    Definition(
-        "fall_from_chair",
-        "On a seat at first; the head drops at 1.7 m/s or more; pelvis and head under 0.35 m at the end.",
-        fall_from_chair,
-    ),
-    Definition(
-        "get_up", "Pelvis at the floor and head low at first; on the feet at the end, crouched or standing.", get_up
-    ),
-    Definition("crouch", "On the feet with the pelvis over them under 0.72 of standing, for 0.4 s or more.", crouch),
-    Definition(
-        "squat",
-        "From standing down to a pelvis under 0.72 of standing on bent knees, trunk up, and back, in one place.",
-        squat,
-    ),
-    Definition("kneel", "On a knee for 0.8 s or more, trunk up, pelvis over the floor.", kneel),
-    Definition("bend", "Trunk inclined by 40 degrees or more on the feet, in about one place.", trunk_flexion),
-    Definition(
-        "bow",
-        "Trunk inclined by 22 degrees or more on nearly straight legs and back up, hands not at the floor.",
-        bows_down,
-    ),
-    Definition(
-        "pick_up",
-        "A hand goes down to 0.45 m or less from the feet and comes up again.",
-        pick_up,
-        "whether the hand holds something: picking up and putting down look alike",
-    ),
-    Definition(
-        "put_down",
-        "A hand comes down to 0.45 m or less from the feet.",
-        put_down,
-        "whether the hand holds something: picking up and putting down look alike",
-    ),
-    Definition(
-        "lift",
-        "Both wrists from waist height or less to over the shoulders, together.",
-        lift,
-        "whether the hands hold something",
-    ),
-    Definition("crawl", "Hands at the floor and face down most of the time, on the way, the hands in turn.", crawl),
+DEFINITIONS: tuple[Definition, ...] = (
+    standing,
+    sit,
+    sit_down,
+    stand_up,
+    sit_and_stand,
+    lie,
+    lie_down,
+    fall,
+    fall_forward,
+    fall_backward,
+    fall_sideways,
+    fall_from_chair,
+    get_up,
+    crouch,
+    squat,
+    kneel,
+    trunk_flexion,
+    bows_down,
+    pick_up,
+    put_down,
+    lift,
+    crawl,
 )
 """Actions of this module."""

@@ -62,6 +62,15 @@ class Definition:
     undecided: str = ""
     """What the joints of a body cannot decide, or empty."""
 
+    def __call__(self, signals: MotionSignals) -> Requirements:
+        """Its requirements, measured on a motion."""
+        return self.requirements(signals)
+
+
+def defines(action: str, sentence: str, undecided: str = "") -> Callable[[Predicate], Definition]:
+    """Decorator that makes requirements the definition of an action."""
+    return lambda requirements: Definition(action, sentence, requirements, undecided)
+
 
 @dataclass(frozen=True)
 class Verdict:

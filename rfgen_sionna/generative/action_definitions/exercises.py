@@ -6,19 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from rfgen_sionna.generative.action_definitions.definition import (
-    Definition,
-    Requirements,
-    at_least,
-    at_most,
-)
+from rfgen_sionna.generative.action_definitions.definition import Definition, Requirements, at_least, at_most, defines
 from rfgen_sionna.generative.action_definitions.motion_signals import STANDING, MotionSignals
-from rfgen_sionna.generative.action_definitions.sampled_series import (
-    longest,
-    share,
-    stretches,
-    swings,
-)
+from rfgen_sionna.generative.action_definitions.sampled_series import longest, share, stretches, swings
 
 
 def _kicks(s: MotionSignals, side: int) -> tuple[float, float]:
@@ -40,6 +30,7 @@ def _kick(sides: tuple[int, ...], s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("push_up", "Hands at the floor, face down, hips nearly straight; chest up and down with the elbows.")
 def pushup(s: MotionSignals) -> Requirements:
     down = (s.hand_height < 0.25).all(axis=1) & (s.front < -0.3)
     chest = s.joint("neck")[:, 2]
@@ -51,6 +42,7 @@ def pushup(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("sit_up", "Pelvis at the floor, face up; the trunk comes up and goes down.")
 def situp(s: MotionSignals) -> Requirements:
     return [
         at_most("highest pelvis [m]", np.percentile(s.pelvis_height, 95), 0.4),
@@ -59,6 +51,7 @@ def situp(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("lunge", "One foot 0.5 m or more ahead of the other, that knee bent, pelvis lowered.")
 def lunge(s: MotionSignals) -> Requirements:
     wide = np.linalg.norm(s.pair("ankle")[:, 0, :2] - s.pair("ankle")[:, 1, :2], axis=1)
     deep = (
@@ -74,6 +67,7 @@ def lunge(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("knee_to_elbow", "A knee comes up to the opposite elbow.")
 def knee_to_elbow(s: MotionSignals) -> Requirements:
     near = np.linalg.norm(s.pair("knee") - s.pair("elbow")[:, ::-1], axis=-1)
     return [
@@ -84,6 +78,7 @@ def knee_to_elbow(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("twist", "The shoulders turn from side to side over feet that stay.")
 def side_twist(s: MotionSignals) -> Requirements:
     twist = np.degrees(s.chest_heading - s.heading)
     return [
@@ -93,6 +88,7 @@ def side_twist(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("toe_touch", "A hand comes down to a foot over a nearly straight leg.")
 def toe_touch(s: MotionSignals) -> Requirements:
     near = np.linalg.norm(s.pair("wrist")[:, :, None] - s.pair("foot")[:, None], axis=-1).min(axis=(1, 2))
     at = int(np.argmin(near))
@@ -104,6 +100,11 @@ def toe_touch(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines(
+    "dance",
+    "Hands and feet keep moving, trunk up.",
+    "music and style: other lively movement of arms and legs looks alike",
+)
 def dance(s: MotionSignals) -> Requirements:
     hands = [max(swings(s.wrists[:, k, axis], 0.1) for axis in range(3)) for k in range(2)]
     feet = len(s.steps) + swings(s.pelvis_height, 0.03) + swings(np.degrees(s.heading), 15.0)
@@ -117,7 +118,7 @@ def dance(s: MotionSignals) -> Requirements:
     ]
 
 
-DEFINITIONS = (
+DEFINITIONS: tuple[Definition, ...] = (
     Definition(
         "kick",
         "A foot over 0.3 m goes at 3 m/s or more against the pelvis while the other one carries.",
@@ -125,19 +126,12 @@ DEFINITIONS = (
     ),
     Definition("left_kick", "A kick with the left foot.", partial(_kick, (0,))),
     Definition("right_kick", "A kick with the right foot.", partial(_kick, (1,))),
-    Definition(
-        "push_up", "Hands at the floor, face down, hips nearly straight; chest up and down with the elbows.", pushup
-    ),
-    Definition("sit_up", "Pelvis at the floor, face up; the trunk comes up and goes down.", situp),
-    Definition("lunge", "One foot 0.5 m or more ahead of the other, that knee bent, pelvis lowered.", lunge),
-    Definition("knee_to_elbow", "A knee comes up to the opposite elbow.", knee_to_elbow),
-    Definition("twist", "The shoulders turn from side to side over feet that stay.", side_twist),
-    Definition("toe_touch", "A hand comes down to a foot over a nearly straight leg.", toe_touch),
-    Definition(
-        "dance",
-        "Hands and feet keep moving, trunk up.",
-        dance,
-        "music and style: other lively movement of arms and legs looks alike",
-    ),
+    pushup,
+    situp,
+    lunge,
+    knee_to_elbow,
+    side_twist,
+    toe_touch,
+    dance,
 )
 """Actions of this module."""

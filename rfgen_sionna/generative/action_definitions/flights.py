@@ -5,13 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.action_definitions.definition import Definition, Requirements, at_least, at_most
+from rfgen_sionna.generative.action_definitions.definition import Definition, Requirements, at_least, at_most, defines
 from rfgen_sionna.generative.action_definitions.motion_signals import MotionSignals
-from rfgen_sionna.generative.action_definitions.sampled_series import (
-    RATE,
-    longest,
-    swings,
-)
+from rfgen_sionna.generative.action_definitions.sampled_series import RATE, longest, swings
 
 
 def _rise(s: MotionSignals, a: int, b: int) -> float:
@@ -37,6 +33,7 @@ def _jumps(s: MotionSignals) -> list[tuple[int, int]]:
     return [(a, b) for a, b in _high(s) if min(_feet_together(s, a, b)) <= 0.1]
 
 
+@defines("jump", "Both feet off the floor for 0.15 s or more, from both feet or onto both.")
 def jump(s: MotionSignals) -> Requirements:
     return [at_least("flights of 0.15 s or more from or onto both feet", len(_jumps(s)), 1)]
 
@@ -46,6 +43,7 @@ def _flown(s: MotionSignals, a: int, b: int) -> float:
     return float(np.linalg.norm(place[min(b, len(place) - 1)] - place[max(a - 1, 0)]))
 
 
+@defines("jump_forward", "A jump that flies 0.3 m or more over the floor.")
 def jump_forward(s: MotionSignals) -> Requirements:
     return [
         *jump(s),
@@ -53,6 +51,7 @@ def jump_forward(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("hop", "Both feet off the floor for 0.15 s or more, up to 0.6 m.")
 def hop(s: MotionSignals) -> Requirements:
     return [
         at_least("flights of 0.15 s or more", len(_high(s)), 1),
@@ -60,6 +59,7 @@ def hop(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("leap", "A flight of 0.25 s or more, over 0.45 m or more of floor.")
 def leap(s: MotionSignals) -> Requirements:
     return [
         at_least("longest flight [s]", max((b - a for a, b in s.flights), default=0) / RATE, 0.25),
@@ -67,6 +67,7 @@ def leap(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("skip", "On the way with flights that land on the foot that they left.")
 def skip(s: MotionSignals) -> Requirements:
     same = 0
     for a, b in s.flights:
@@ -81,11 +82,13 @@ def skip(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("jump_twist", "The pelvis turns by 60 degrees or more in the air.")
 def jump_twist(s: MotionSignals) -> Requirements:
     turned = [abs(np.degrees(s.heading[min(b, len(s.time) - 1)] - s.heading[max(a - 2, 0)])) for a, b in s.flights]
     return [at_least("angle turned in the air [degrees]", max(turned, default=0.0), 60.0)]
 
 
+@defines("jumping_jacks", "Arms go up and down by 60 degrees or more while the feet go apart and together.")
 def jumping_jacks(s: MotionSignals) -> Requirements:
     arms, legs = s.arm_elevation, s.feet_apart[:, 1]
     both = arms.mean(axis=1)
@@ -108,6 +111,7 @@ def upside_down(s: MotionSignals) -> np.ndarray:
     return s.inclination > 110.0
 
 
+@defines("cartwheel", "The trunk is turned over on the hands, feet above, on the way.")
 def cartwheel(s: MotionSignals) -> Requirements:
     over = upside_down(s) & (s.hand_height.min(axis=1) < 0.3) & (s.pelvis_height > 0.5)
     return [
@@ -118,30 +122,28 @@ def cartwheel(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("handstand", "The trunk is turned over on the hands for 0.4 s or more.")
 def handstand(s: MotionSignals) -> Requirements:
     over = upside_down(s) & (s.hand_height.min(axis=1) < 0.3) & (s.pelvis_height > 0.5)
     return [at_least("longest time turned over on the hands [s]", longest(over), 0.4)]
 
 
+@defines("flip", "The trunk is turned over while neither feet nor hands are at the floor.")
 def flip(s: MotionSignals) -> Requirements:
     over = upside_down(s) & (s.feet.min(axis=1) > 0.1) & (s.hand_height.min(axis=1) > 0.1)
     return [at_least("longest time turned over in the air [s]", longest(over), 0.1)]
 
 
-DEFINITIONS = (
-    Definition("jump", "Both feet off the floor for 0.15 s or more, from both feet or onto both.", jump),
-    Definition("jump_forward", "A jump that flies 0.3 m or more over the floor.", jump_forward),
-    Definition("hop", "Both feet off the floor for 0.15 s or more, up to 0.6 m.", hop),
-    Definition("leap", "A flight of 0.25 s or more, over 0.45 m or more of floor.", leap),
-    Definition("skip", "On the way with flights that land on the foot that they left.", skip),
-    Definition("jump_twist", "The pelvis turns by 60 degrees or more in the air.", jump_twist),
-    Definition(
-        "jumping_jacks",
-        "Arms go up and down by 60 degrees or more while the feet go apart and together.",
-        jumping_jacks,
-    ),
-    Definition("cartwheel", "The trunk is turned over on the hands, feet above, on the way.", cartwheel),
-    Definition("handstand", "The trunk is turned over on the hands for 0.4 s or more.", handstand),
-    Definition("flip", "The trunk is turned over while neither feet nor hands are at the floor.", flip),
+DEFINITIONS: tuple[Definition, ...] = (
+    jump,
+    jump_forward,
+    hop,
+    leap,
+    skip,
+    jump_twist,
+    jumping_jacks,
+    cartwheel,
+    handstand,
+    flip,
 )
 """Actions of this module."""

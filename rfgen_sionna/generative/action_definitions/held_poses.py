@@ -11,15 +11,11 @@ from rfgen_sionna.generative.action_definitions.definition import (
     Requirements,
     at_least,
     at_most,
+    defines,
     easiest,
 )
 from rfgen_sionna.generative.action_definitions.motion_signals import MotionSignals
-from rfgen_sionna.generative.action_definitions.sampled_series import (
-    Flags,
-    longest,
-    share,
-    swings,
-)
+from rfgen_sionna.generative.action_definitions.sampled_series import Flags, longest, share, swings
 
 SIDES = {"left": 0, "right": 1}
 
@@ -53,12 +49,14 @@ def _sideways(s: MotionSignals) -> Flags:
     return sideways
 
 
+@defines("t_pose", "Both arms level to the sides nearly throughout, on the feet.")
 def t_pose(s: MotionSignals) -> Requirements:
     level = (_straight(s) & (np.abs(s.arm_elevation - 90.0) < 27.0)).all(axis=1)
     held = level & _sideways(s) & (s.legs > 0.9)
     return [at_least("share of time with both arms level to the sides", share(held), 0.8)]
 
 
+@defines("y_pose", "Both arms up and out at about 45 degrees nearly throughout, on the feet.")
 def y_pose(s: MotionSignals) -> Requirements:
     up = (np.abs(s.arm_elevation - 138.0) < 25.0).all(axis=1) & _straight(s).all(axis=1) & _sideways(s)
     return [at_least("share of time with both arms up and out", share(up & (s.legs > 0.9)), 0.8)]
@@ -82,6 +80,7 @@ def arm_raised(side: int, s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("both_arms_raised", "Both arms 30 degrees or more above level for 0.15 s or more, trunk up.")
 def both_arms_raised(s: MotionSignals) -> Requirements:
     up = raised(s).all(axis=1) & (s.inclination < 45.0)
     return [at_least("longest time with both arms raised, trunk up [s]", longest(up), 0.15)]
@@ -108,6 +107,11 @@ def _calm_hand_at_head(s: MotionSignals) -> Flags:
     return hand_at_head(s) & other & calm
 
 
+@defines(
+    "drink",
+    "A calm hand before the face for 0.4 s or more, the other one low, trunk up.",
+    "what the hand holds: eating, smoking or phoning with the hand before the face look alike",
+)
 def _drinks(s: MotionSignals) -> Requirements:
     ahead = s.ahead(s.pair("wrist") - s.joint("head")[:, None])[..., 0] > 0.0
     near = _calm_hand_at_head(s) & ahead
@@ -115,12 +119,18 @@ def _drinks(s: MotionSignals) -> Requirements:
     return [at_least("longest time with a calm hand before the face, the other one low [s]", held, 0.4)]
 
 
+@defines(
+    "phone",
+    "A calm hand held at the head for 2 s or more, the other one low, trunk up.",
+    "what the hand holds: drinking, shading the eyes or leaning the head on a hand look alike",
+)
 def phone(s: MotionSignals) -> Requirements:
     near = _calm_hand_at_head(s)
     held = max(longest(near[:, k]) for k in range(2))
     return [at_least("longest time with a calm hand at the head, the other one low [s]", held, 2.0)]
 
 
+@defines("point", "One arm stretched and still for 0.3 s or more, the other one low.", "which finger is stretched")
 def point(s: MotionSignals) -> Requirements:
     out = (s.elbow_flexion < 45.0) & (s.arm_elevation > 50.0) & (s.arm_elevation < 140.0) & (s.wrist_speed < 0.8)
     other = s.arm_elevation[:, ::-1] < 60.0
@@ -133,6 +143,11 @@ def point(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines(
+    "reach",
+    "A hand goes out to 0.82 of the arm or more, at waist height or above, on the feet.",
+    "whether something is grasped",
+)
 def reach(s: MotionSignals) -> Requirements:
     def of(side: int) -> Requirements:
         calm = (s.speed < 0.9) & (s.feet.max(axis=1) < 0.25) & (s.inclination < 60.0)
@@ -150,6 +165,11 @@ def reach(s: MotionSignals) -> Requirements:
     return easiest([of(0), of(1)])
 
 
+@defines(
+    "type",
+    "Both hands held before the body, elbows bent, in one place.",
+    "whether there are keys: holding something before the body looks alike",
+)
 def type_on_keys(s: MotionSignals) -> Requirements:
     hands = s.wrists
     held = (hands[..., 0] > 0.12).all(axis=1) & (s.hands_apart < 0.5) & (s.elbow_flexion > 40.0).all(axis=1)
@@ -172,14 +192,17 @@ def _head(axis: int, s: MotionSignals, size: float, times: int, words: str) -> R
     ]
 
 
+@defines("nod", "The head goes up and down on the chest by 8 degrees or more, twice or more.")
 def nod(s: MotionSignals) -> Requirements:
     return _head(1, s, 8.0, 2, "moves of the head up and down")
 
 
+@defines("shake_head", "The head turns from side to side on the chest by 15 degrees or more, three times or more.")
 def shake_head(s: MotionSignals) -> Requirements:
     return _head(0, s, 15.0, 3, "turns of the head from side to side")
 
 
+@defines("look_around", "The gaze turns from side to side by 40 degrees or more, in about one place.")
 def look_around(s: MotionSignals) -> Requirements:
     gaze = np.degrees(s.chest_heading) - np.degrees(s.chest_heading[0]) + s.head_turns[:, 0]
     return [
@@ -190,6 +213,7 @@ def look_around(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("stretch", "Both arms stretched up or out for 0.4 s or more, in one place.")
 def stretches_arms(s: MotionSignals) -> Requirements:
     up = (s.hands_over_shoulders > 0.25).all(axis=1) & _straight(s).all(axis=1)
     wide = horizontal(s).all(axis=1) & _sideways(s)
@@ -199,9 +223,9 @@ def stretches_arms(s: MotionSignals) -> Requirements:
     ]
 
 
-DEFINITIONS = (
-    Definition("t_pose", "Both arms level to the sides nearly throughout, on the feet.", t_pose),
-    Definition("y_pose", "Both arms up and out at about 45 degrees nearly throughout, on the feet.", y_pose),
+DEFINITIONS: tuple[Definition, ...] = (
+    t_pose,
+    y_pose,
     *(
         Definition(
             f"{side}_arm_raised",
@@ -218,11 +242,7 @@ DEFINITIONS = (
         )
         for side, k in SIDES.items()
     ),
-    Definition(
-        "both_arms_raised",
-        "Both arms 30 degrees or more above level for 0.15 s or more, trunk up.",
-        both_arms_raised,
-    ),
+    both_arms_raised,
     *(
         Definition(
             f"{side}_leg_raised",
@@ -231,42 +251,14 @@ DEFINITIONS = (
         )
         for side, k in SIDES.items()
     ),
-    Definition(
-        "drink",
-        "A calm hand before the face for 0.4 s or more, the other one low, trunk up.",
-        _drinks,
-        "what the hand holds: eating, smoking or phoning with the hand before the face look alike",
-    ),
-    Definition(
-        "phone",
-        "A calm hand held at the head for 2 s or more, the other one low, trunk up.",
-        phone,
-        "what the hand holds: drinking, shading the eyes or leaning the head on a hand look alike",
-    ),
-    Definition(
-        "point", "One arm stretched and still for 0.3 s or more, the other one low.", point, "which finger is stretched"
-    ),
-    Definition(
-        "reach",
-        "A hand goes out to 0.82 of the arm or more, at waist height or above, on the feet.",
-        reach,
-        "whether something is grasped",
-    ),
-    Definition(
-        "type",
-        "Both hands held before the body, elbows bent, in one place.",
-        type_on_keys,
-        "whether there are keys: holding something before the body looks alike",
-    ),
-    Definition("nod", "The head goes up and down on the chest by 8 degrees or more, twice or more.", nod),
-    Definition(
-        "shake_head",
-        "The head turns from side to side on the chest by 15 degrees or more, three times or more.",
-        shake_head,
-    ),
-    Definition(
-        "look_around", "The gaze turns from side to side by 40 degrees or more, in about one place.", look_around
-    ),
-    Definition("stretch", "Both arms stretched up or out for 0.4 s or more, in one place.", stretches_arms),
+    _drinks,
+    phone,
+    point,
+    reach,
+    type_on_keys,
+    nod,
+    shake_head,
+    look_around,
+    stretches_arms,
 )
 """Actions of this module."""

@@ -5,16 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from rfgen_sionna.generative.action_definitions.definition import Definition, Requirements, at_least, at_most
+from rfgen_sionna.generative.action_definitions.definition import Definition, Requirements, at_least, at_most, defines
 from rfgen_sionna.generative.action_definitions.motion_signals import STANDING, MotionSignals
-from rfgen_sionna.generative.action_definitions.sampled_series import (
-    RATE,
-    rate_of,
-    share,
-    smooth,
-    stretches,
-    swings,
-)
+from rfgen_sionna.generative.action_definitions.sampled_series import RATE, rate_of, share, smooth, stretches, swings
 from rfgen_sionna.generative.motion.skeleton import MEAN_ADULT
 
 
@@ -46,6 +39,7 @@ def _stepping(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("walk", "Steps in turn, most of the time on the way ahead, upright, never off the floor.")
 def walk(s: MotionSignals) -> Requirements:
     return [
         *_stepping(s),
@@ -55,6 +49,7 @@ def walk(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("walk_straight", "A walk whose ends are as far apart as 0.93 of its way.")
 def walk_straight(s: MotionSignals) -> Requirements:
     level = float(np.linalg.norm(s.displacement[:2]))
     return [*walk(s), at_least("distance of the ends over the length of the way", level / max(s.path, 1e-9), 0.93)]
@@ -67,6 +62,7 @@ def _course(s: MotionSignals) -> np.ndarray:
     return np.unwrap(np.arctan2(step[moving, 1], step[moving, 0]))
 
 
+@defines("walk_to_and_fro", "A walk that turns round and comes back along a line.")
 def walk_to_and_fro(s: MotionSignals) -> Requirements:
     course = _course(s)
     turned = np.degrees(np.ptp(course)) if len(course) else 0.0
@@ -80,6 +76,7 @@ def walk_to_and_fro(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("walk_in_a_circle", "A walk around by 270 degrees or more in one sense.")
 def walk_in_a_circle(s: MotionSignals) -> Requirements:
     course = _course(s)
     around = abs(np.degrees(course[-1] - course[0])) if len(course) else 0.0
@@ -90,10 +87,12 @@ def walk_in_a_circle(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("walk_turn", "A walk that turns by 35 degrees or more.")
 def walk_turn(s: MotionSignals) -> Requirements:
     return [*walk(s)[:-2], at_least("angle turned [degrees]", np.degrees(np.ptp(smooth(s.heading, 0.5))), 35.0)]
 
 
+@defines("walk_backwards", "Steps in turn, most of the way against where the pelvis faces.")
 def walk_backwards(s: MotionSignals) -> Requirements:
     return [
         *_stepping(s),
@@ -102,6 +101,7 @@ def walk_backwards(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("sidestep", "Steps, most of the way to a side of where the pelvis faces.")
 def sidestep(s: MotionSignals) -> Requirements:
     moving = _moving(s)
     side = share(np.abs(s.velocity[moving, 1]) > np.abs(s.velocity[moving, 0]))
@@ -115,6 +115,7 @@ def sidestep(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("turn_around", "The pelvis faces 120 degrees or more away at the end, the person on the feet.")
 def turn_around(s: MotionSignals) -> Requirements:
     yaw = smooth(s.heading, 0.3)
     return [
@@ -128,6 +129,7 @@ def _in_the_air(s: MotionSignals) -> float:
     return share(s.airborne[s.speed > 1.2])
 
 
+@defines("run", "Over 1.6 m/s ahead, with times off the floor.")
 def run(s: MotionSignals) -> Requirements:
     return [
         at_least("90th percentile of the speed [m/s]", np.percentile(s.speed, 90), 1.6),
@@ -139,6 +141,7 @@ def run(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("run_backwards", "Over 1.2 m/s, half of the way or more backwards, with times off the floor.")
 def run_backwards(s: MotionSignals) -> Requirements:
     return [
         at_least("90th percentile of the speed [m/s]", np.percentile(s.speed, 90), 1.2),
@@ -156,6 +159,7 @@ def _heel_lifts(s: MotionSignals, size: float) -> tuple[int, float]:
     return len(feet), float(np.mean(np.diff(feet) != 0)) if len(feet) > 1 else 0.0
 
 
+@defines("jog_on_the_spot", "Heels lifted in turn, four times or more and 1.2 times a second or more, in one place.")
 def jog_on_the_spot(s: MotionSignals) -> Requirements:
     count, turns = _heel_lifts(s, 0.1)
     return [
@@ -168,6 +172,7 @@ def jog_on_the_spot(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("march", "Knees lifted in turn, thighs to 50 degrees or more.")
 def march(s: MotionSignals) -> Requirements:
     knees = s.thigh_elevation
     lifted = sorted((a, foot) for foot in range(2) for a, b in stretches(knees[:, foot] > 50.0) if b - a >= 2)
@@ -181,10 +186,12 @@ def march(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("march_in_place", "A march in one place.")
 def march_in_place(s: MotionSignals) -> Requirements:
     return [*march(s), at_most("mean speed over the floor [m/s]", s.path / max(s.duration, 1e-9), 0.35)]
 
 
+@defines("limp", "A walk whose legs differ by a quarter or more, in swing time or in the bend of the knee.")
 def limp(s: MotionSignals) -> Requirements:
     swing = [[(b - a) / 20.0 for a, b, foot in s.steps[1:-1] if foot == side] for side in range(2)]
     times = [float(np.mean(each)) if each else 0.0 for each in swing]
@@ -201,6 +208,7 @@ def limp(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("sneak", "Slow steps, stooped by 14 degrees or more or with bent knees.")
 def sneak(s: MotionSignals) -> Requirements:
     stoop, crouch = np.median(s.inclination) / 14.0, 0.88 / np.median(s.legs)
     return [
@@ -213,6 +221,7 @@ def sneak(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("carry", "On the way with both hands held before the body, elbows bent.", "whether the hands hold something")
 def carry(s: MotionSignals) -> Requirements:
     hands = s.ahead(s.pair("wrist") - s.joint("pelvis")[:, None])
     return [
@@ -234,6 +243,7 @@ def _climbed(s: MotionSignals) -> float:
     return float((kept - np.minimum.accumulate(kept)).max())
 
 
+@defines("climb_stairs", "Steps whose lower foot rises by 0.14 m or more and stays there, hands low.")
 def climb_stairs(s: MotionSignals) -> Requirements:
     return [
         at_least("rise of the lower foot for 0.6 s or more [m]", _climbed(s), 0.14),
@@ -246,6 +256,7 @@ def climb_stairs(s: MotionSignals) -> Requirements:
     ]
 
 
+@defines("climb_ladder", "The lower foot rises by 0.25 m or more and stays there, hands raised.")
 def climb_ladder(s: MotionSignals) -> Requirements:
     return [
         at_least("rise of the lower foot for 0.6 s or more [m]", _climbed(s), 0.25),
@@ -255,41 +266,24 @@ def climb_ladder(s: MotionSignals) -> Requirements:
     ]
 
 
-DEFINITIONS = (
-    Definition("walk", "Steps in turn, most of the time on the way ahead, upright, never off the floor.", walk),
-    Definition("walk_straight", "A walk whose ends are as far apart as 0.93 of its way.", walk_straight),
-    Definition("walk_to_and_fro", "A walk that turns round and comes back along a line.", walk_to_and_fro),
-    Definition("walk_in_a_circle", "A walk around by 270 degrees or more in one sense.", walk_in_a_circle),
-    Definition("walk_turn", "A walk that turns by 35 degrees or more.", walk_turn),
-    Definition("walk_backwards", "Steps in turn, most of the way against where the pelvis faces.", walk_backwards),
-    Definition("sidestep", "Steps, most of the way to a side of where the pelvis faces.", sidestep),
-    Definition(
-        "turn_around", "The pelvis faces 120 degrees or more away at the end, the person on the feet.", turn_around
-    ),
-    Definition("run", "Over 1.6 m/s ahead, with times off the floor.", run),
-    Definition(
-        "run_backwards", "Over 1.2 m/s, half of the way or more backwards, with times off the floor.", run_backwards
-    ),
-    Definition(
-        "jog_on_the_spot",
-        "Heels lifted in turn, four times or more and 1.2 times a second or more, in one place.",
-        jog_on_the_spot,
-    ),
-    Definition("march", "Knees lifted in turn, thighs to 50 degrees or more.", march),
-    Definition("march_in_place", "A march in one place.", march_in_place),
-    Definition(
-        "limp", "A walk whose legs differ by a quarter or more, in swing time or in the bend of the knee.", limp
-    ),
-    Definition("sneak", "Slow steps, stooped by 14 degrees or more or with bent knees.", sneak),
-    Definition(
-        "carry",
-        "On the way with both hands held before the body, elbows bent.",
-        carry,
-        "whether the hands hold something",
-    ),
-    Definition(
-        "climb_stairs", "Steps whose lower foot rises by 0.14 m or more and stays there, hands low.", climb_stairs
-    ),
-    Definition("climb_ladder", "The lower foot rises by 0.25 m or more and stays there, hands raised.", climb_ladder),
+DEFINITIONS: tuple[Definition, ...] = (
+    walk,
+    walk_straight,
+    walk_to_and_fro,
+    walk_in_a_circle,
+    walk_turn,
+    walk_backwards,
+    sidestep,
+    turn_around,
+    run,
+    run_backwards,
+    jog_on_the_spot,
+    march,
+    march_in_place,
+    limp,
+    sneak,
+    carry,
+    climb_stairs,
+    climb_ladder,
 )
 """Actions of this module."""
