@@ -13,10 +13,10 @@ import numpy as np
 
 from rfgen_sionna.dataset import check_run_output
 from rfgen_sionna.generative.actor import DEFAULT_DURATION
-from rfgen_sionna.generative.environment_prompt import split_source
 from rfgen_sionna.generative.environment_setup import IMAGE_FOV, IMAGE_PIXELS
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.prompts import CLIP, ScenePrompt
+from rfgen_sionna.generative.prompts.environment_prompt import split_source
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar

@@ -16,7 +16,10 @@ from rfgen_sionna.dataset import check_run_output
 from rfgen_sionna.generative.actor import DEFAULT_DURATION, Actor
 from rfgen_sionna.generative.clip_person import Clip, chosen_clip, person_with_clip, read_clip_prompt
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, tabulate
-from rfgen_sionna.generative.environment_prompt import (
+from rfgen_sionna.generative.environment_setup import ImageOptions, chosen_source, set_up_environment
+from rfgen_sionna.generative.motion import MotionSource
+from rfgen_sionna.generative.prompts import DECIDED, DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
+from rfgen_sionna.generative.prompts.environment_prompt import (
     NOWHERE,
     EnvironmentPrompt,
     in_words,
@@ -24,11 +27,8 @@ from rfgen_sionna.generative.environment_prompt import (
     split_source,
     with_source,
 )
-from rfgen_sionna.generative.environment_setup import ImageOptions, chosen_source, set_up_environment
-from rfgen_sionna.generative.motion import MotionSource
-from rfgen_sionna.generative.prompts import DECIDED, DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
+from rfgen_sionna.generative.prompts.prompt_reader import motion_source, read_prompt
 from rfgen_sionna.generative.radar_placement import place_before_radar
-from rfgen_sionna.generative.sentences import motion_source, read_prompt
 from rfgen_sionna.generative.things.thing_catalogue import bounces_of
 from rfgen_sionna.options import check_actors, check_options, check_size, chosen_duration, chosen_view, default_output
 from rfgen_sionna.radar import Radar

@@ -175,8 +175,8 @@ def generate(
         del options[name]
     from rfgen_sionna.dataset import check_output
     from rfgen_sionna.generative.clip_person import chosen_clip, read_clip_prompt
-    from rfgen_sionna.generative.environment_prompt import with_source
-    from rfgen_sionna.generative.sentences import read_prompt
+    from rfgen_sionna.generative.prompts.environment_prompt import with_source
+    from rfgen_sionna.generative.prompts.prompt_reader import read_prompt
     from rfgen_sionna.options import check_options, default_output
     from rfgen_sionna.pipeline import generate as run
 

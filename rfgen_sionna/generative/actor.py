@@ -39,11 +39,11 @@ from rfgen_sionna.generative.person_decisions import (
     vital_signs_of,
 )
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, ScenePrompt, check_seed
+from rfgen_sionna.generative.prompts.prompt_reader import check_source, motion_source, read_prompt
+from rfgen_sionna.generative.prompts.thing_prompt import ThingPrompt
 from rfgen_sionna.generative.radar_placement import check_walk_path, place_before_radar, walk_back
-from rfgen_sionna.generative.sentences import check_source, motion_source, read_prompt
 from rfgen_sionna.generative.things.prompted_thing import prompted_thing
 from rfgen_sionna.generative.things.thing_placement import Thing, named_thing
-from rfgen_sionna.generative.things.thing_prompt import ThingPrompt
 from rfgen_sionna.radar.pose import rotation_matrix
 from rfgen_sionna.records import MeshSequence, Motion
 from rfgen_sionna.scene.mesh_actor import MeshActor

@@ -14,18 +14,13 @@ from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.bodies import Phenotype, describe
 from rfgen_sionna.generative.decisions import Decision, argument
 from rfgen_sionna.generative.person_decisions import prompt_decisions, vital_signs_of
-from rfgen_sionna.generative.phrases import read_wanted
-from rfgen_sionna.generative.prompts import (
-    CLIP,
-    DEFAULT_DISTANCE,
-    PromptError,
-    ScenePrompt,
-    SourceReading,
-    parse_prompt,
-)
+from rfgen_sionna.generative.prompts.person_prompt import SourceReading, parse_prompt
+from rfgen_sionna.generative.prompts.phrases import read_wanted
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.prompt_reader import SOURCES
+from rfgen_sionna.generative.prompts.scene_prompt import CLIP, DEFAULT_DISTANCE, ScenePrompt
+from rfgen_sionna.generative.prompts.text_reader import split_negative
 from rfgen_sionna.generative.radar_placement import place_before_radar
-from rfgen_sionna.generative.sentences import SOURCES
-from rfgen_sionna.generative.text_reader import split_negative
 from rfgen_sionna.records import Motion
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
-from rfgen_sionna.generative.environment_prompt import EnvironmentPrompt
+from rfgen_sionna.generative.prompts.environment_prompt import EnvironmentPrompt
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.load import load_scene
@@ -113,7 +113,7 @@ def chosen_source(source: str, request: EnvironmentPrompt | None, image_options:
     Parameters
     ----------
     source
-        Source by :func:`~rfgen_sionna.generative.environment_prompt.split_source`.
+        Source by :func:`~rfgen_sionna.generative.prompts.environment_prompt.split_source`.
     request
         Requested place; None is free space.
     image_options

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
 
-from rfgen_sionna.generative.text_reader import Reader, inflected
-from rfgen_sionna.generative.vocabulary import ROOM
+from rfgen_sionna.generative.prompts.text_reader import Reader, inflected
+from rfgen_sionna.generative.prompts.vocabulary import ROOM
 
 OTHER_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -89,7 +89,7 @@ class Name:
     """Name of one or several kinds of furniture."""
 
     pattern: str
-    """Pattern of singular and plural (:func:`~rfgen_sionna.generative.text_reader.compile_pattern`)."""
+    """Pattern of singular and plural (:func:`~rfgen_sionna.generative.prompts.text_reader.compile_pattern`)."""
     kinds: tuple[str, ...]
     compound: bool
     """Whether it has several words, such as "office chair", which contains a place."""

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rfgen_sionna.generative.bodies import Phenotype, Rig, VitalSigns
-from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
 from rfgen_sionna.generative.motion import MotionSource
 from rfgen_sionna.generative.prompts import ScenePrompt
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
 
 
 def prompt_decisions(said: ScenePrompt, seed: int, person: Phenotype, given: Mapping[str, Any]) -> list[Decision]:

@@ -16,7 +16,7 @@ import torch
 from rfgen_sionna.generative.diffusion.phrasebook import CLAUSES, FRAGMENTS, LOWER, OPEN_CLAUSES, UPPER
 from rfgen_sionna.generative.diffusion.sentence_encoder import HANDS, TextEncoder, stem, tokenise, words
 from rfgen_sionna.generative.motion import ACTIONS
-from rfgen_sionna.generative.text_reader import AFTERWARDS
+from rfgen_sionna.generative.prompts.text_reader import AFTERWARDS
 
 _ARM = r"(?:hand|arm|palm|fist|finger|fore|index|wrist|elbow)"
 _BOTH = re.compile(r"\b(?:hands|arms|palms|fists)\b|\b(?:both|two) (?:\w+ )?fingers\b")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from rfgen_sionna.generative.environment.reprojection import NATIVE, known_from_views, resize_pir
 from rfgen_sionna.generative.environment.requested_objects import check_words
-from rfgen_sionna.generative.prompts import check_seed
+from rfgen_sionna.generative.prompts.scene_prompt import check_seed
 from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.pir.view import View

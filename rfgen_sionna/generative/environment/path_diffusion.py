@@ -28,7 +28,7 @@ from rfgen_sionna.generative.environment.image_sampling import (
 from rfgen_sionna.generative.environment.reprojection import NATIVE, PATCH, resize_pir
 from rfgen_sionna.generative.environment.requested_objects import OUTDOORS, check_words
 from rfgen_sionna.generative.environment.torch_device import memory_errors
-from rfgen_sionna.generative.prompts import check_seed
+from rfgen_sionna.generative.prompts.scene_prompt import check_seed
 from rfgen_sionna.pir.image_surroundings import check_image
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir

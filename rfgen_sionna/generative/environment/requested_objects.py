@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
 
-from rfgen_sionna.generative.body_prompt import PromptError
-from rfgen_sionna.generative.environment_prompt import PLACE_PATTERNS, EnvironmentPrompt
 from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names
-from rfgen_sionna.generative.text_reader import Reader, inflected, negation_in, normalise
-from rfgen_sionna.generative.vocabulary import FILLERS, SCENE_PATTERNS
+from rfgen_sionna.generative.prompts.environment_prompt import PLACE_PATTERNS, EnvironmentPrompt
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.text_reader import Reader, inflected, negation_in, normalise
+from rfgen_sionna.generative.prompts.vocabulary import FILLERS, SCENE_PATTERNS
 
 NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {

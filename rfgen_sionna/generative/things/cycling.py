@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.prompts.vocabulary import PERSON
 from rfgen_sionna.generative.things.articulated import ArticulatedSequence, ThingPart
 from rfgen_sionna.generative.things.generalized_cylinders import TubePath, tube
 from rfgen_sionna.generative.things.part_motion import Curve, Rolling, Turning
@@ -22,7 +23,6 @@ from rfgen_sionna.generative.things.thing_kind import (
     painted_parts,
 )
 from rfgen_sionna.generative.things.wheels import rolling_wheel, spoked_wheel
-from rfgen_sionna.generative.vocabulary import PERSON
 from rfgen_sionna.scene.furnished.piece import pick
 from rfgen_sionna.scene.furnished.shapes import Part, block, cushion, lathe, pipe
 from rfgen_sionna.scene.materials import material

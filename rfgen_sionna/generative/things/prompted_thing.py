@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rfgen_sionna.generative.decisions import DEFAULT, PROMPT, Decision, argument, drawn
-from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.scene_prompt import DEFAULT_DISTANCE
+from rfgen_sionna.generative.prompts.thing_prompt import PACED, ThingPrompt, way_origin
 from rfgen_sionna.generative.radar_placement import place_before_radar
 from rfgen_sionna.generative.things.thing_catalogue import THINGS
 from rfgen_sionna.generative.things.thing_placement import build_thing, ground_speed, half_extent, thing_fields, yaw_of
-from rfgen_sionna.generative.things.thing_prompt import PACED, ThingPrompt, way_origin
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar

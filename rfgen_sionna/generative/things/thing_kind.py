@@ -37,7 +37,7 @@ class ThingAction:
     description: str
     """Third person: "runs"."""
     words: str
-    """Pattern of its words in prompts (:mod:`rfgen_sionna.generative.text_reader`)."""
+    """Pattern of its words in prompts (:mod:`rfgen_sionna.generative.prompts.text_reader`)."""
     speed: float = 0.0
     """Usual speed over the ground [m/s]; 0 stays in place."""
     fastest: float = 0.0

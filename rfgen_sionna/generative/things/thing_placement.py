@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.driving import Drive
-from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE
+from rfgen_sionna.generative.prompts.scene_prompt import DEFAULT_DISTANCE
 from rfgen_sionna.generative.radar_placement import place_before_radar
 from rfgen_sionna.generative.things.animal_bodies import BIRD, CAT, DOG, HORSE
 from rfgen_sionna.generative.things.animals import froude_speed

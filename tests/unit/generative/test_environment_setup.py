@@ -14,9 +14,9 @@ import trimesh
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.generative import environment_setup as setting
-from rfgen_sionna.generative.environment_prompt import in_words, split_source, with_source
 from rfgen_sionna.generative.environment_setup import IMAGE_PIXELS, ImageOptions, chosen_source, set_up_environment
 from rfgen_sionna.generative.prompts import PromptError, parse_environment
+from rfgen_sionna.generative.prompts.environment_prompt import in_words, split_source, with_source
 from rfgen_sionna.scene.furnished import FurnishedScene
 
 
@@ -216,7 +216,7 @@ def test_path_diffusion_that_is_refused_is_not_imported(tiny_toml: Path) -> None
     code = """
 import sys
 from rfgen_sionna.generative.environment_setup import ImageOptions, set_up_environment
-from rfgen_sionna.generative.environment_prompt import parse_environment
+from rfgen_sionna.generative.prompts.environment_prompt import parse_environment
 from rfgen_sionna.radar import Radar
 radar = Radar.load(sys.argv[1], position=(0, 0, 1), look_at=(3, 0, 1))
 request, options = parse_environment("an office"), ImageOptions(refine=False)

@@ -6,7 +6,7 @@ import pytest
 
 from rfgen_sionna.generative.environment.requested_objects import check_words
 from rfgen_sionna.generative.prompts import PromptError, parse_environment, parse_prompt
-from rfgen_sionna.generative.text_reader import negation_in
+from rfgen_sionna.generative.prompts.text_reader import negation_in
 
 
 @pytest.mark.parametrize(

@@ -12,12 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rfgen_sionna.generative.body_prompt import AGES, HEIGHTS
-from rfgen_sionna.generative.environment_prompt import PLACE_PATTERNS
 from rfgen_sionna.generative.motion import KinematicSource
 from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.prompts import PromptError, parse_environment, parse_prompt
-from rfgen_sionna.generative.vocabulary import SCENE_PATTERNS
+from rfgen_sionna.generative.prompts.body_prompt import AGES, HEIGHTS
+from rfgen_sionna.generative.prompts.environment_prompt import PLACE_PATTERNS
+from rfgen_sionna.generative.prompts.vocabulary import SCENE_PATTERNS
 from rfgen_sionna.scene import available_scenes
 from rfgen_sionna.scene.furnished import PLACES
 

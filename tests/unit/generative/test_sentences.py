@@ -11,7 +11,7 @@ import pytest
 from rfgen_sionna.generative import Actor
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource, SentenceSource
 from rfgen_sionna.generative.prompts import PromptError, parse_prompt
-from rfgen_sionna.generative.sentences import NEAREST, motion_source, read_prompt
+from rfgen_sionna.generative.prompts.prompt_reader import NEAREST, motion_source, read_prompt
 
 pytest.importorskip("diffusers", reason="the learned source needs it")
 COMPOSED = "a person walks while raising the left arm"

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 import rfgen_sionna as rfgen
 from rfgen_sionna.cli import app
 from rfgen_sionna.generative.prompts import PromptError
-from rfgen_sionna.generative.sentences import read_prompt
-from rfgen_sionna.generative.things.thing_prompt import ThingPrompt, read_thing
+from rfgen_sionna.generative.prompts.prompt_reader import read_prompt
+from rfgen_sionna.generative.prompts.thing_prompt import ThingPrompt, read_thing
 from rfgen_sionna.options import default_output
 
 UNDERSTOOD = [

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.environment.environment_diffusion import EnvironmentDiffusion
 from rfgen_sionna.generative.environment.environment_model import read_model
 from rfgen_sionna.generative.environment.image_models import (
@@ -27,6 +26,7 @@ from rfgen_sionna.generative.environment.primitives import PrimitiveScene
 from rfgen_sionna.generative.environment.requested_objects import NAMES, check_words, is_empty, read_objects
 from rfgen_sionna.generative.environment.room_selection import PlaceRequest, choose_room
 from rfgen_sionna.generative.furniture import LOOSE, OTHER_NAMES, SEVERAL
+from rfgen_sionna.generative.prompts.body_prompt import PromptError
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished

@@ -1,4 +1,4 @@
-"""Phrases of a prompt or of a negative prompt, by the patterns of :mod:`rfgen_sionna.generative.vocabulary`."""
+"""Phrases of a prompt or of a negative prompt, by the patterns of :mod:`rfgen_sionna.generative.prompts.vocabulary`."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from rfgen_sionna.generative import vocabulary
-from rfgen_sionna.generative.body_prompt import SIMPLE_NOUNS, BodyWords, PromptError
-from rfgen_sionna.generative.environment_prompt import read_scenes, refuse_unknown_place, split_keyword
 from rfgen_sionna.generative.motion.actions import ACTIONS
-from rfgen_sionna.generative.text_reader import Reader, compile_pattern, number
+from rfgen_sionna.generative.prompts import vocabulary
+from rfgen_sionna.generative.prompts.body_prompt import SIMPLE_NOUNS, BodyWords
+from rfgen_sionna.generative.prompts.environment_prompt import read_scenes, refuse_unknown_place, split_keyword
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.text_reader import Reader, compile_pattern, number
 
 _OTHER = {"left": "right", "right": "left"}
 

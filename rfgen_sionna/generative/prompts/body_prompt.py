@@ -13,14 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from rfgen_sionna.generative.decisions import NEGATIVE, PROMPT, drawn
-from rfgen_sionna.generative.text_reader import Reader, compile_pattern, number
-from rfgen_sionna.generative.vocabulary import AGE_PATTERN, HEIGHT_PATTERNS, KILOGRAMS, METRES, PERSON, WEIGHT_PATTERN
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.text_reader import Reader, compile_pattern, number
+from rfgen_sionna.generative.prompts.vocabulary import (
+    AGE_PATTERN,
+    HEIGHT_PATTERNS,
+    KILOGRAMS,
+    METRES,
+    PERSON,
+    WEIGHT_PATTERN,
+)
 
 TRAITS = ("gender", "age", "height", "weight", "muscle")
-
-
-class PromptError(ValueError):
-    """The prompt cannot be carried out: its words are unknown, ambiguous or contradictory."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Patterns of prompts about animals and things, beside those of :mod:`rfgen_sionna.generative.vocabulary`."""
+"""Patterns of prompts about animals and things, beside those of :mod:`rfgen_sionna.generative.prompts.vocabulary`."""
 
 # Tables of patterns and sizes read best with one entry to a line.
 # ruff: noqa: E501

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from os import fspath
 from typing import Any
 
-from rfgen_sionna.generative import vocabulary
-from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.furniture import EMPTY, SURFACES, names, take_compounds
-from rfgen_sionna.generative.text_reader import Reader, compile_pattern, negation_in
+from rfgen_sionna.generative.prompts import vocabulary
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.text_reader import Reader, compile_pattern, negation_in
 from rfgen_sionna.scene.load import check_scene_file, is_path, is_scene
 
 NOWHERE = "free space"

@@ -10,16 +10,17 @@ import re
 
 import numpy as np
 
-from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.decisions import PROMPT, drawn
-from rfgen_sionna.generative.environment_prompt import split_keyword
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource, SentenceSource
 from rfgen_sionna.generative.motion.actions import with_hand
 from rfgen_sionna.generative.motion.motion_source import PromptReading
-from rfgen_sionna.generative.phrases import Phrases, read_unwanted, read_wanted
-from rfgen_sionna.generative.prompts import ScenePrompt, SourceReading, UnreadActionError, forbidden, parse_prompt
-from rfgen_sionna.generative.text_reader import AFTERWARDS, normalise, split_negative
-from rfgen_sionna.generative.things.thing_prompt import read_thing
+from rfgen_sionna.generative.prompts.environment_prompt import split_keyword
+from rfgen_sionna.generative.prompts.person_prompt import SourceReading, UnreadActionError, forbidden, parse_prompt
+from rfgen_sionna.generative.prompts.phrases import Phrases, read_unwanted, read_wanted
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.scene_prompt import ScenePrompt
+from rfgen_sionna.generative.prompts.text_reader import AFTERWARDS, normalise, split_negative
+from rfgen_sionna.generative.prompts.thing_prompt import read_thing
 
 NEAREST = "the nearest that is known"
 """Origin of a replacement of an unknown action."""

@@ -11,7 +11,7 @@ import unicodedata
 from collections.abc import Iterable
 from functools import cache
 
-from rfgen_sionna.generative.vocabulary import ROOM
+from rfgen_sionna.generative.prompts.vocabulary import ROOM
 
 _NUMBER_WORDS = {
     "half": 0.5, "one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8,

@@ -10,13 +10,20 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rfgen_sionna.generative import vocabulary
-from rfgen_sionna.generative.body_prompt import PromptError
 from rfgen_sionna.generative.decisions import DEFAULT, PROMPT, Decision, drawn
-from rfgen_sionna.generative.environment_prompt import NOWHERE, read_scenes, refuse_unknown_place, split_keyword
-from rfgen_sionna.generative.prompts import ScenePrompt
-from rfgen_sionna.generative.text_reader import AFTERWARDS, Reader, compile_pattern, negation_in, number, split_negative
-from rfgen_sionna.generative.things import thing_words
+from rfgen_sionna.generative.manner import Manner
+from rfgen_sionna.generative.prompts import thing_words, vocabulary
+from rfgen_sionna.generative.prompts.environment_prompt import NOWHERE, read_scenes, refuse_unknown_place, split_keyword
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.scene_prompt import ScenePrompt
+from rfgen_sionna.generative.prompts.text_reader import (
+    AFTERWARDS,
+    Reader,
+    compile_pattern,
+    negation_in,
+    number,
+    split_negative,
+)
 from rfgen_sionna.generative.things.thing_catalogue import THINGS
 from rfgen_sionna.generative.things.thing_kind import ThingKind
 
@@ -28,8 +35,6 @@ PACED = frozenset({"seconds", "turns_per_second", "wing_beats_per_second"})
 class ThingPrompt(ScenePrompt):
     """Interpreted prompt about an animal or a thing; `target` is its kind."""
 
-    speed_mps: float | None = None
-    """[m/s]"""
     way: str = ""
     """"to" and "away" from the radar, "left", "right" and "past" as seen from it; empty for none."""
     height_m: float | None = None
@@ -240,12 +245,13 @@ class _Reading:
             named["surroundings"] = PROMPT
         named |= {"target": PROMPT, "action": PROMPT if self.found.get("action") or ways else DEFAULT}
         place = self.one("surroundings")
+        manner = Manner(*(None if value is None else float(str(value)) for value in (pace, speed)))
         return ThingPrompt(
             text=prompt, negative="", seed=seed, action=action, target=kind.name, choices=(action,),
             orientation_deg=given["orientation"], distance_m=given["distance"], bearing_deg=given["azimuth"],
-            speed=None if pace is None else float(str(pace)), surroundings=None if place is None else str(place),
+            manner=manner, surroundings=None if place is None else str(place),
             understood=tuple(reader.understood), unused=reader.rest(vocabulary.FILLERS), origins=named,
-            speed_mps=None if speed is None else float(str(speed)), way=str(self.one("way") or ""),
+            way=str(self.one("way") or ""),
             height_m=given["height"], values=values,
         )  # fmt: skip
 
