@@ -35,9 +35,10 @@ def seated(s: MotionSignals) -> Flags:
     """(sample,) whether the person sits on a stool or chair: trunk up, thighs raised, the centre of mass too far behind
     the feet for these to carry it, or the feet off the floor"""
     behind = -s.ahead(s.mass[:, None] - s.pair("ankle"))[..., 0].max(axis=1)
-    high = (s.pelvis_height > 0.32) & (s.pelvis_height < 0.92 * STANDING)
-    hanging = (s.feet.min(axis=1) > 0.06) & (s.speed < 0.3) & ~s.airborne
-    return high & (s.inclination < 50.0) & (s.thigh_elevation.mean(axis=1) > 35.0) & ((behind > 0.07) | hanging)
+    low = (behind > 0.07) & (s.pelvis_height < 0.92 * STANDING)
+    thighs = s.thigh_elevation.mean(axis=1)
+    hanging = (s.feet.min(axis=1) > 0.06) & (s.speed < 0.3) & ~s.airborne & (thighs > 55.0)
+    return (s.pelvis_height > 0.32) & (s.inclination < 50.0) & (thighs > 35.0) & (low | hanging)
 
 
 def on_the_floor(s: MotionSignals) -> Flags:
@@ -237,19 +238,14 @@ def kneel(s: MotionSignals) -> Requirements:
     return [at_least("longest time on a knee, trunk up [s]", longest(down & (s.inclination < 85.0)), 0.8)]
 
 
-@defines("bend", "Trunk inclined by 40 degrees or more on the feet, in about one place.")
+@defines("bend", "From upright the trunk goes down by 40 degrees or more, on the feet, in about one place.")
 def trunk_flexion(s: MotionSignals) -> Requirements:
+    bent = (s.inclination > 40.0) & (s.legs > 0.45) & (s.feet.max(axis=1) < 0.2)
     return [
-        at_least(
-            "longest time bent by 40 degrees or more on the feet [s]",
-            longest((s.inclination > 40.0) & (s.pelvis_height > 0.4)),
-            0.2,
-        ),
-        at_most(
-            "median speed over the floor then [m/s]",
-            np.median(s.speed[s.inclination > 40.0]) if (s.inclination > 40.0).any() else 0.0,
-            0.7,
-        ),
+        at_least("longest time bent by 40 degrees or more on the feet [s]", longest(bent), 0.3),
+        at_least("highest pelvis, share of standing", s.legs.max(), 0.85),
+        at_most("inclination of the trunk at the straightest [degrees]", s.inclination.min(), 25.0),
+        at_most("median speed over the floor then [m/s]", np.median(s.speed[bent]) if bent.any() else 0.0, 0.5),
     ]
 
 

@@ -24,8 +24,8 @@ def _kicks(s: MotionSignals, side: int) -> tuple[float, float]:
 def _kick(sides: tuple[int, ...], s: MotionSignals) -> Requirements:
     speed, height = max(_kicks(s, side) for side in sides)
     return [
-        at_least("fastest ankle of a raised foot [m/s]", speed, 3.0),
-        at_least("height of that foot [m]", height, 0.3),
+        at_least("fastest ankle of a raised foot [m/s]", speed, 3.65),
+        at_least("height of that foot [m]", height, 0.4),
         at_most("90th percentile of the speed over the floor [m/s]", np.percentile(s.speed, 90), 3.0),
     ]
 
@@ -102,26 +102,32 @@ def toe_touch(s: MotionSignals) -> Requirements:
 
 @defines(
     "dance",
-    "Hands and feet keep moving, trunk up.",
+    "Both hands, hips and feet keep moving, together 4.5 moves a second or more, about one place.",
     "music and style: other lively movement of arms and legs looks alike",
 )
 def dance(s: MotionSignals) -> Requirements:
-    hands = [max(swings(s.wrists[:, k, axis], 0.1) for axis in range(3)) for k in range(2)]
-    feet = len(s.steps) + swings(s.pelvis_height, 0.03) + swings(np.degrees(s.heading), 15.0)
+    hands = sorted(max(swings(s.wrists[:, k, axis], 0.1) for axis in range(3)) for k in range(2))
+    sway = s.ahead(s.pair("ankle").mean(axis=1) - s.joint("pelvis"))[:, 1]
+    body = len(s.steps) + swings(s.pelvis_height, 0.03) + swings(sway, 0.06)
+    turns = swings(np.degrees(s.heading), 15.0) + swings(np.degrees(s.chest_heading - s.heading), 12.0)
     return [
-        at_least("moves of the busier hand", max(hands), 3),
-        at_least("moves of the busier hand a second", max(hands) / s.duration, 0.3),
-        at_least("steps, bounces and turns a second", feet / s.duration, 0.5),
-        at_least("share of time in movement", share(s.activity > 0.15), 0.5),
-        at_least("share of time on the feet", share(s.legs > 0.6), 0.5),
-        at_least("length [s]", s.duration, 1.2),
+        at_least("length [s]", s.duration, 2.0),
+        at_least("moves of the busier hand a second", hands[1] / s.duration, 1.0),
+        at_least("steps, bounces, sways and turns a second", (body + turns) / s.duration, 2.0),
+        at_least("all moves a second", (body + turns + sum(hands)) / s.duration, 4.5),
+        at_least("mean speed of hands, feet, head and pelvis [m/s]", s.activity.mean(), 0.36),
+        at_most(
+            "distance of the ends over the length of the way", np.hypot(*s.displacement[:2]) / max(s.path, 0.3), 0.93
+        ),
+        at_most("mean speed over the floor [m/s]", s.path / s.duration, 1.3),
+        at_most("share of time with the trunk inclined by 40 degrees", share(s.inclination > 40.0), 0.17),
     ]
 
 
 DEFINITIONS: tuple[Definition, ...] = (
     Definition(
         "kick",
-        "A foot over 0.3 m goes at 3 m/s or more against the pelvis while the other one carries.",
+        "A foot up to 0.4 m or more goes at 3.65 m/s or more against the pelvis while the other one carries.",
         partial(_kick, (0, 1)),
     ),
     Definition("left_kick", "A kick with the left foot.", partial(_kick, (0,))),

@@ -82,10 +82,10 @@ def skip(s: MotionSignals) -> Requirements:
     ]
 
 
-@defines("jump_twist", "The pelvis turns by 60 degrees or more in the air.")
+@defines("jump_twist", "The pelvis turns by 45 degrees or more in the air.")
 def jump_twist(s: MotionSignals) -> Requirements:
     turned = [abs(np.degrees(s.heading[min(b, len(s.time) - 1)] - s.heading[max(a - 2, 0)])) for a, b in s.flights]
-    return [at_least("angle turned in the air [degrees]", max(turned, default=0.0), 60.0)]
+    return [at_least("angle turned in the air [degrees]", max(turned, default=0.0), 45.0)]
 
 
 @defines("jumping_jacks", "Arms go up and down by 60 degrees or more while the feet go apart and together.")

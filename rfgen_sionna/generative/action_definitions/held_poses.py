@@ -188,6 +188,7 @@ def _head(axis: int, s: MotionSignals, size: float, times: int, words: str) -> R
         at_least("that axis over the other one", np.ptp(turns[:, axis]) / max(np.ptp(turns[:, 1 - axis]), 1e-9), 1.0),
         at_most("way over the floor [m]", s.path, 0.5),
         at_most("change of the trunk's inclination [degrees]", np.ptp(s.inclination), 15.0),
+        at_most("change of the pelvis' height [m]", np.ptp(s.pelvis_height), 0.1),
         at_most("90th percentile of the wrists' speed [m/s]", np.percentile(s.wrist_speed, 90), 1.0),
     ]
 
