@@ -46,6 +46,8 @@ class Motion(ShortRepr):
     """Name of the action, empty for an unknown one."""
     prompt: str = ""
     seed: int | None = None
+    clips: tuple[str, ...] = ()
+    """Names of the library's clips that it is made of."""
 
     @property
     def duration(self) -> float:

@@ -1,0 +1,257 @@
+"""Motion from the clips of the motion library: a window by action and seed, cut, joined and varied to a length."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.manner import Manner
+from rfgen_sionna.generative.motion.clip_editing import (
+    at_pace,
+    cut,
+    held,
+    joined,
+    likeness,
+    mirrored,
+    pose_features,
+    reversed_in_time,
+    scaled,
+    sway,
+)
+from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
+from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
+from rfgen_sionna.generative.repertoire import HELD, ONCE, WAYS, Window, windows
+from rfgen_sionna.records import Motion
+
+RATE = 20.0
+"""Poses per second of clips [Hz]."""
+PACES, SIZES = (0.85, 1.2), (0.9, 1.15)
+"""Factors on the pace and the size of a clip that seeds draw."""
+_UNEVEN = 0.05
+"""Standard deviation of the difference in size between left and right."""
+_TAIL = 3.0
+"""Longest time before the end of a motion in which another clip may go on [s]."""
+_DROPPED = 0.03
+"""What a second that a join leaves out adds to the distance of its poses [m]."""
+_ALIKE = 0.09
+"""Distance of poses up to which a clip goes on as itself [m]; beyond, other clips are tried."""
+_LEAST = 0.4
+"""Shortest part that a joined clip adds [s]."""
+_STILL = 0.35
+"""Mean speed of joints up to which a person may stay in a pose [m/s]."""
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A motion of clips, on the skeleton and at the rate of the library."""
+
+    motion: Motion
+    clips: tuple[str, ...]
+
+
+@cache
+def library() -> MotionLibrary:
+    """The shipped library."""
+    return MotionLibrary()
+
+
+@cache
+def _clip(name: str) -> LibraryClip:
+    return next(clip for clip in library() if clip.name == name)
+
+
+def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner, strength: float) -> Draft:
+    """A motion of an action from clips.
+
+    Args:
+        action: one that :func:`~rfgen_sionna.generative.repertoire.windows` has.
+        duration: at least this long [s].
+        rng: of all choices.
+        manner: how the action is done.
+        strength: 1 for the usual variation of pace, size and evenness, 0 for none.
+    """
+    window, mirror = choose(action, rng, manner, duration, strength)
+    pace = manner.pace * float(rng.uniform(*PACES) ** strength)
+    count = int(np.ceil(duration * RATE - 1e-9)) + 1
+    names = [window.clip]
+    if action in ONCE:
+        motion = _once(_edited(window, mirror, pace), _span(window, pace), window.whole, count, rng)
+    else:
+        motion = _repeated(action, window, mirror, pace, count, rng, names)
+    if strength > 0.0 or manner.size != 1.0:
+        motion = _resized(motion, action, rng, manner, strength)
+    return Draft(motion, tuple(dict.fromkeys(names)))
+
+
+def choose(
+    action: str, rng: np.random.Generator, manner: Manner, duration: float, strength: float
+) -> tuple[Window, bool]:
+    """A window of one of the people who show an action, and whether it is mirrored."""
+    options = [each for each in windows()[action] if strength > 0.0 or each.mirror is not True]
+    if manner.hand in ("left", "right"):
+        options = [
+            each for each in options if each.side == manner.hand or (strength > 0.0 and each.side != "both")
+        ] or options
+    if action in ONCE:
+        # the action must end within the time
+        short = [each for each in options if (each.stop - each.start) / RATE <= duration * PACES[1]]
+        options = short or [min(options, key=lambda each: each.stop - each.start)]
+    if manner.speed_mps is not None:
+        near = sorted(options, key=lambda each: abs(np.log(max(each.speed, 0.05) / manner.speed_mps)))
+        options = near[: max(6, len(near) // 6)]
+    people = sorted({_clip(each.clip).subject for each in options})
+    person = people[int(rng.integers(len(people)))]
+    own = [each for each in options if _clip(each.clip).subject == person]
+    window = own[int(rng.integers(len(own)))]
+    coin = bool(rng.integers(2))
+    if manner.hand in ("left", "right") and window.side != "both":
+        return window, window.side != manner.hand
+    if strength == 0.0:
+        return window, False
+    return window, coin if window.mirror is None else window.mirror
+
+
+@cache
+def _plain(name: str) -> Motion:
+    return library().motion(name)
+
+
+def _edited(window: Window, mirror: bool, pace: float) -> Motion:
+    motion = mirrored(_plain(window.clip)) if mirror else _plain(window.clip)
+    return motion if pace == 1.0 else at_pace(motion, pace)
+
+
+def _span(window: Window, pace: float) -> tuple[int, int]:
+    return int(window.start / pace), int(np.ceil((window.stop - 1) / pace)) + 1
+
+
+def _once(clip: Motion, span: tuple[int, int], whole: bool, count: int, rng: np.random.Generator) -> Motion:
+    """The action once, the person keeping still before and after it."""
+    start, stop = span
+    if whole:
+        spare = max(count - (stop - start), 0)
+        start = max(0, start - int(spare * rng.uniform(0.2, 0.6)))
+        stop = min(len(clip.translation), start + max(count, stop - start))
+    motion = cut(clip, start, min(stop, len(clip.translation)))
+    missing = count - len(motion.translation)
+    if missing <= 0:
+        return motion
+    before = int(missing * rng.uniform(0.15, 0.45)) if _speed_at(motion, 0) < _STILL else 0
+    if before:
+        motion = reversed_in_time(_kept(reversed_in_time(motion), before, rng))
+    return _kept(motion, missing - before, rng) if missing > before else motion
+
+
+def _speed_at(motion: Motion, frame: int) -> float:
+    """Mean speed of places and turns of joints about a frame, as metres of a joint [m/s]."""
+    features = pose_features(cut(motion, max(frame - 2, 0), frame + 3))
+    third = (features.shape[1] - 2) // 2
+    return float(np.linalg.norm(features[:, third : 2 * third], axis=1).mean() / 0.12)
+
+
+def _kept(motion: Motion, count: int, rng: np.random.Generator) -> Motion:
+    """The motion, then `count` frames of its last pose with the sway of someone who stands or sits still."""
+    still = [each for each in windows()["standing"] if _clip(each.clip).duration > 10.0]
+    clip = _plain(still[int(rng.integers(len(still)))].clip)
+    small = sway(clip, count, int(rng.integers(len(clip.translation))))
+    calm = np.ones(NUM_BODY_JOINTS)
+    calm[[k for k, name in enumerate(JOINT_NAMES[:NUM_BODY_JOINTS]) if name.endswith(_LEGS)]] = 0.0
+    if motion.translation[-1, 2] < 0.7:
+        calm[0] = 0.0
+    return held(motion, count, calm[:, None] * small)
+
+
+_LEGS = ("hip", "knee", "ankle", "foot")
+_ARMS = ("collar", "shoulder", "elbow", "wrist")
+
+
+def _repeated(
+    action: str, window: Window, mirror: bool, pace: float, count: int, rng: np.random.Generator, names: list[str]
+) -> Motion:
+    """The action from a window on, again and again, by clips that go on where poses are alike."""
+    clip = _edited(window, mirror, pace)
+    start, stop = _span(window, pace)
+    stop = min(stop, len(clip.translation))
+    if window.whole:
+        spare = max(count - (stop - start), 0)
+        first = max(0, start - int(rng.uniform(0.0, 1.0) * spare), min(stop - count, start))
+        motion = cut(clip, first, min(len(clip.translation), max(stop, first + count)))
+    else:
+        clip = motion = cut(clip, start, stop)
+    others = [each for each in windows()[action] if each.clip != window.clip]
+    kin = [each for each in others if _clip(each.clip).subject == _clip(window.clip).subject]
+    whole = clip if window.whole else motion
+    while len(motion.translation) < count:
+        tried = [(whole, "")]
+        place, distance = _join(motion, whole)
+        if distance > _ALIKE and (kin or others):
+            pool = kin or others
+            for k in rng.permutation(len(pool))[:3]:
+                turned = bool(rng.integers(2)) if pool[k].mirror is None else bool(pool[k].mirror)
+                if pool[k].side not in ("both",) and window.side != "both":
+                    turned = (pool[k].side != window.side) != mirror
+                other = _edited(pool[k], turned, pace)
+                if not pool[k].whole:
+                    a, b = _span(pool[k], pace)
+                    other = cut(other, a, b)
+                tried.append((other, pool[k].clip))
+        best = min(tried, key=lambda each: _join(motion, each[0])[1])
+        (here, there), distance = _join(motion, best[0])
+        if best[1]:
+            names.append(best[1])
+        before = len(motion.translation)
+        motion = joined(cut(motion, 0, here + 1), cut(best[0], there, len(best[0].translation)))
+        if len(motion.translation) <= before:
+            motion = _kept(motion, count - len(motion.translation), rng)
+    return cut(motion, 0, max(count, 2)) if action in WAYS or action in HELD else cut(motion, 0, count)
+
+
+def _join(motion: Motion, other: Motion) -> tuple[tuple[int, int], float]:
+    """Frames at which `other` may go on, (last of `motion`, first of `other`), and the distance of the poses [m]."""
+    total, length = len(motion.translation), len(other.translation)
+    tail = max(0, total - max(round(_TAIL * RATE), 2), total // 2 if total > 2 else 0)
+    head = max(1, min(length - round(_LEAST * RATE), length // 2))
+    away = likeness(pose_features(cut(motion, tail, total)), pose_features(cut(other, 0, head)))
+    lost = (np.arange(tail, total)[::-1] - tail)[:, None] + np.arange(head)
+    gain = length - lost
+    cost = away + _DROPPED / RATE * lost
+    cost[gain < _LEAST * RATE] += 10.0
+    here, there = np.unravel_index(int(np.argmin(cost)), cost.shape)
+    return (tail + int(here), int(there)), float(cost[here, there])
+
+
+def _resized(motion: Motion, action: str, rng: np.random.Generator, manner: Manner, strength: float) -> Motion:
+    """The motion larger or smaller, and uneven between left and right."""
+    drawn = float(rng.uniform(*SIZES) ** strength)
+    size = manner.size * drawn
+    uneven = strength * float(np.clip(rng.normal(0.0, _UNEVEN), -2.0 * _UNEVEN, 2.0 * _UNEVEN))
+    arms = _sizes(_ARMS, size, uneven)
+    if action in ONCE or action in HELD:
+        return scaled(motion, arms, 1.0)
+    legs = _sizes(_LEGS, size, uneven)
+    trunk = np.ones(NUM_BODY_JOINTS)
+    trunk[[k for k, name in enumerate(JOINT_NAMES[:NUM_BODY_JOINTS]) if name.startswith(("spine", "neck", "head"))]] = (
+        size
+    )
+    out = scaled(motion, arms * legs * trunk, size)
+    if action in WAYS:
+        translation = out.translation.copy()
+        way = gaussian_filter1d(translation[:, :2], 0.5 * RATE, axis=0, mode="nearest")
+        translation[:, :2] += (size - 1.0) * (way - way[:1])
+        out = replace(out, translation=translation)
+    return out
+
+
+def _sizes(names: Sequence[str], size: float, uneven: float) -> FloatArray:
+    """(joint,) factors of the joints of these names."""
+    out = np.ones(NUM_BODY_JOINTS)
+    for k, name in enumerate(JOINT_NAMES[:NUM_BODY_JOINTS]):
+        side, _, part = name.partition("_")
+        if part in names:
+            out[k] = size * (1.0 + uneven if side == "left" else 1.0 - uneven)
+    return out

@@ -1,0 +1,119 @@
+"""Motions of actions, by name: from the motion library, or by rules of movement, checked by their definitions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from types import MappingProxyType
+
+import numpy as np
+
+from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSignals, check
+from rfgen_sionna.generative.library_source import draft
+from rfgen_sionna.generative.manner import Manner
+from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, KinematicSource, Skeleton
+from rfgen_sionna.generative.motion.clip_editing import placed
+from rfgen_sionna.generative.motion.floor_contact import keep_body_above_floor
+from rfgen_sionna.generative.motion.foot_lock import lock_feet
+from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
+from rfgen_sionna.generative.motion.resampling import resample_motion
+from rfgen_sionna.generative.motion.skeleton import NUM_BODY_JOINTS
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.repertoire import OFF_THE_FLOOR, WAYS, windows
+from rfgen_sionna.records import Motion
+
+ATTEMPTS = 7
+"""Motions that are tried, the first of the given seed."""
+FRAME_RATE = 60.0
+"""Poses per second of a varied motion of clips [Hz]."""
+SHORTEST = 1.0
+"""Length from which motions are checked [s]: shorter ones hold no whole action."""
+EXACT = frozenset({"t_pose"})
+"""Actions whose rules are more exact than their clips."""
+
+
+@cache
+def performable() -> Mapping[str, tuple[str, ...]]:
+    """Actions that can be asked for, with their sources, the first one first: "clips" and "rules"."""
+    found: dict[str, tuple[str, ...]] = {}
+    for action in sorted(DEFINED_ACTIONS):
+        sources = [name for name, has in (("clips", windows()), ("rules", ACTIONS)) if action in has]
+        if sources:
+            found[action] = tuple(sources[::-1] if action in EXACT else sources)
+    return MappingProxyType(found)
+
+
+def perform(
+    action: str,
+    duration: float,
+    seed: int,
+    *,
+    skeleton: Skeleton | None = None,
+    manner: Manner | None = None,
+    arms: str = "",
+    strength: float | None = None,
+) -> Motion:
+    """A motion that shows an action, by its definition.
+
+    Clips of the motion library come first: one of the people who show the action, mirrored, cut, joined to the length,
+    and varied in pace, size and evenness. Rules of movement follow for what no clip has.
+
+    Args:
+        action: one of :func:`performable`.
+        duration: length [s].
+        seed: of all choices.
+        skeleton: proportions of the person; None takes a mean adult.
+        manner: how the action is done.
+        arms: action of the arms over the legs of `action`, or empty.
+        strength: share of the usual variation, 0 to 1; 0 plays a clip as it is. None takes 1.
+
+    Raises:
+        PromptError: the action cannot be performed that way, or no motion of a few seeds shows it; with the reasons.
+        ValueError: a duration or strength out of range.
+    """
+    if action not in performable():
+        raise PromptError(f"action: {action!r} cannot be performed; allowed are {', '.join(performable())}")
+    if not (np.isfinite(duration) and 0.0 < duration <= MAX_DURATION):
+        raise ValueError(f"duration: {duration!r} s; allowed is more than 0 and at most {MAX_DURATION:g} s")
+    share = 1.0 if strength is None else float(strength)
+    if not 0.0 <= share <= 1.0:
+        raise ValueError(f"strength: {strength!r}; allowed are 0, a clip as it is, to 1, the usual variation")
+    manner = manner or Manner()
+    body = skeleton or MEAN_ADULT
+    reasons: tuple[str, ...] = ()
+    for source in performable()[action]:
+        for attempt in range(ATTEMPTS):
+            one = seed if attempt == 0 else int(np.random.SeedSequence([seed, attempt]).generate_state(1)[0])
+            if source == "rules":
+                motion = KinematicSource()(action, duration, one, skeleton=body, manner=manner)
+            else:
+                motion = _from_clips(action, duration, one, body, manner, share)
+            if duration < SHORTEST:
+                return replace(motion, seed=seed)
+            verdict = check(MotionSignals(motion), action)
+            if verdict.true:
+                return replace(motion, seed=seed)
+            reasons = reasons or verdict.reasons
+    raise PromptError(f"action: no motion of {ATTEMPTS} shows {action!r} for {duration:g} s: {'; '.join(reasons)}")
+
+
+def _from_clips(action: str, duration: float, seed: int, body: Skeleton, manner: Manner, strength: float) -> Motion:
+    rng = np.random.default_rng([seed, *action.encode()])
+    made = draft(action, duration, rng, manner, strength)
+    motion = replace(placed(made.motion, way=action in WAYS), action=action, seed=seed, clips=made.clips)
+    motion = on_skeleton(motion, body)
+    if strength == 0.0:
+        return motion
+    motion = resample_motion(motion, FRAME_RATE)
+    if action in OFF_THE_FLOOR:
+        return motion
+    return keep_body_above_floor(lock_feet(motion, body))
+
+
+def on_skeleton(motion: Motion, skeleton: Skeleton) -> Motion:
+    """A motion of the library's skeleton on another one: the way and the height of the pelvis by the legs."""
+    scale = skeleton.leg_length() / MEAN_ADULT.leg_length()
+    translation = motion.translation * scale
+    translation[:, 2] += skeleton.standing_height() - scale * MEAN_ADULT.standing_height()
+    return replace(motion, translation=translation, offsets=skeleton.offsets[:NUM_BODY_JOINTS])

@@ -1,0 +1,66 @@
+"""What the motion library can perform: the windows of its clips that show an action, and how an action goes on."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from rfgen_sionna.generative.motion_library import FOLDER
+
+WINDOWS = "windows.json"
+"""Name of the index beside the clips."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The shortest part of a clip that shows an action."""
+
+    clip: str
+    start: int
+    """First frame."""
+    stop: int
+    """Frame after the last one."""
+    mirror: bool | None
+    """Whether the mirror image shows it (True), the clip itself (False), or both (None)."""
+    whole: bool
+    """Whether the whole clip shows it, too."""
+    side: str
+    """Side whose hand or foot moves more, or "both"."""
+    speed: float
+    """Mean speed of the clip over the floor [m/s]."""
+
+
+@cache
+def windows(folder: Path = FOLDER) -> dict[str, tuple[Window, ...]]:
+    """Windows of each action that clips show.
+
+    Raises:
+        FileNotFoundError: the library of the folder has no index.
+    """
+    path = folder / WINDOWS
+    if not path.exists():
+        raise FileNotFoundError(f"'{path}' is missing: python -m training.motion.library_windows writes it")
+    stored = json.loads(path.read_text(encoding="utf-8"))
+    return {action: tuple(Window(*row) for row in rows) for action, rows in stored.items()}
+
+
+ONCE = frozenset(
+    {
+        "sit_down", "stand_up", "lie_down", "get_up", "fall", "fall_forward", "fall_backward", "fall_sideways",
+        "fall_from_chair", "faint", "slip", "stumble", "turn_around", "climb_stairs", "climb_ladder", "put_down",
+    }
+)  # fmt: skip
+"""Actions that are done once: the person then stays as the action ends."""
+WAYS = frozenset(
+    {
+        "walk", "walk_straight", "walk_to_and_fro", "walk_in_a_circle", "walk_turn", "walk_backwards", "run",
+        "run_backwards", "sidestep", "skip", "sneak", "carry", "crawl", "limp", "march",
+    }
+)  # fmt: skip
+"""Actions that lead over the floor."""
+HELD = frozenset({"standing", "sit", "lie", "t_pose", "phone", "type", "drink"})
+"""Actions that are held."""
+OFF_THE_FLOOR = frozenset({"climb_stairs", "climb_ladder", "handstand", "cartwheel", "flip"})
+"""Actions whose feet and pelvis are not set on the floor z = 0."""

@@ -1,0 +1,168 @@
+"""Index of the motion library: which part of which clip shows which action.
+`python -m training.motion.library_windows` writes it beside the clips.
+
+Candidates of an action are the clips that `definition_clips.toml` names for it, clips of the library whose action has
+its name, and those of `_BORROWED`. A window is the shortest part of a clip for which the definition holds, as it is or
+mirrored.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from dataclasses import asdict
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSignals, check
+from rfgen_sionna.generative.motion.clip_editing import cut, joint_places, mirrored
+from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES
+from rfgen_sionna.generative.motion_library import FOLDER, LibraryClip, MotionLibrary
+from rfgen_sionna.generative.repertoire import WINDOWS, Window
+from rfgen_sionna.records import Motion
+from training.commands import plainly
+from training.motion.definitions import read_clips, read_wrong
+
+_BORROWED = MappingProxyType(
+    {
+        "walk_straight": ("walk", "fast_walk", "slow_walk", "stride_walk"),
+        "left_kick": ("kick",),
+        "right_kick": ("kick",),
+        "sit_down": ("sit_stand", "sit_floor"),
+        "stand_up": ("sit_stand",),
+        "sit": ("sit_stand",),
+        "get_up": ("getup",),
+        "jump": ("jump_forward",),
+        "lie": ("lie_down",),
+        "march": (),
+    }
+)
+"""Action -> actions of clips that hold it, too."""
+_MANY = 3
+"""Most windows of a clip."""
+_LENGTHS = (0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
+"""Lengths of windows that are tried [s]."""
+_STEP = 0.2
+"""Distance of the starts that are tried [s]."""
+
+
+def candidates(library: MotionLibrary) -> dict[str, list[LibraryClip]]:
+    """Clips that may show an action, by its name."""
+    clips = read_clips()
+    found = {}
+    for action in DEFINED_ACTIONS:
+        borrowed = _BORROWED.get(action, ())
+        found[action] = [
+            clip
+            for clip in library
+            if clip.name not in read_wrong()
+            and (
+                clip.action in (action, *borrowed)
+                if action not in clips
+                else clips[action].role(clip) == "shown" or clip.action in borrowed
+            )
+        ]
+    return {action: each for action, each in found.items() if each}
+
+
+def windows_of(clip: LibraryClip, motion: Motion, action: str, whole: dict[bool, MotionSignals]) -> list[Window]:
+    """Shortest parts of a clip that show an action, and do not overlap."""
+    shows = {side: check(signals, action).true for side, signals in whole.items()}
+    rate, frames = motion.frame_rate, len(motion.translation)
+    versions = {False: motion, True: mirrored(motion)}
+    found: list[tuple[int, int]] = []
+    plain = next((side for side, true in shows.items() if true), None)
+    search = [side for side in (False, True) if shows[side]] or [False, True]
+    for length in _LENGTHS:
+        size = round(length * rate) + 1
+        if size > frames:
+            break
+        for start in range(0, frames - size + 1, max(1, round(_STEP * rate))):
+            if any(start < b and a < start + size for a, b in found):
+                continue
+            part = cut(versions[search[0]], start, start + size)
+            if check(part, action).true:
+                found.append((start, start + size))
+        if found:
+            break
+    if not found and plain is not None:
+        found = [(0, frames)]
+    if not found:
+        return []
+    evenly = np.unique(np.linspace(0, len(found) - 1, _MANY).round().astype(int))
+    out = []
+    for start, stop in [found[k] for k in evenly]:
+        part = cut(motion, start, stop)
+        sides = [side for side in (False, True) if check(cut(versions[side], start, stop), action).true]
+        if sides:
+            out.append(
+                Window(
+                    clip.name, start, stop, mirror=None if len(sides) == 2 else sides[0], whole=shows[sides[0]],
+                    side=_working_side(part), speed=round(_mean_speed(motion), 3),
+                )
+            )  # fmt: skip
+    return out
+
+
+def _working_side(motion: Motion) -> str:
+    """Side whose hand or foot moves more."""
+    places = joint_places(motion)
+    ways = {}
+    for end, root in (("wrist", "spine3"), ("ankle", "pelvis")):
+        ways[end] = [
+            np.linalg.norm(np.diff(places[:, JOINT[f"{side}_{end}"]] - places[:, JOINT[root]], axis=0), axis=1).sum()
+            for side in SIDES
+        ]
+    left, right = max(ways.values(), key=lambda each: abs(each[0] - each[1]))
+    return "both" if max(left, right) < 1.3 * min(left, right) else SIDES[int(right > left)]
+
+
+def _mean_speed(motion: Motion) -> float:
+    """Way of the pelvis over the time [m/s]; sway left out by 0.5 s steps."""
+    step = max(1, round(0.5 * motion.frame_rate))
+    way = motion.translation[::step, :2]
+    if len(way) < 2:
+        return float(np.linalg.norm(motion.translation[-1, :2] - motion.translation[0, :2]) / max(motion.duration, 0.1))
+    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum() / (step * (len(way) - 1)) * motion.frame_rate)
+
+
+def index(library: MotionLibrary) -> dict[str, list[Window]]:
+    """Windows of every action that has any."""
+    wanted = candidates(library)
+    signals: dict[str, dict[bool, MotionSignals]] = {}
+    found: dict[str, list[Window]] = {}
+    for action, clips in sorted(wanted.items()):
+        for clip in clips:
+            motion = library.motion(clip.name)
+            if clip.name not in signals:
+                signals[clip.name] = {False: MotionSignals(motion), True: MotionSignals(mirrored(motion))}
+            found.setdefault(action, []).extend(windows_of(clip, motion, action, signals[clip.name]))
+    return {action: windows for action, windows in found.items() if windows}
+
+
+def write_index(folder: Path) -> dict[str, list[Window]]:
+    """Write the index of the library of a folder."""
+    found = index(MotionLibrary(folder))
+    rows = {action: [list(asdict(window).values()) for window in windows] for action, windows in found.items()}
+    lines = [f'"{action}": {json.dumps(each, separators=(",", ":"))}' for action, each in rows.items()]
+    (folder / WINDOWS).write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    return found
+
+
+@plainly
+def main(folder: Annotated[Path, typer.Option(help="Folder of the library.")] = FOLDER) -> None:
+    """Write which part of which clip of the motion library shows which action."""
+    found = write_index(folder)
+    subjects = {clip.name: clip.subject for clip in MotionLibrary(folder)}
+    for action, windows in found.items():
+        people = Counter(subjects[window.clip] for window in windows)
+        Console().print(f"{action}: {len(windows)} windows of {len(people)} people")
+
+
+if __name__ == "__main__":
+    typer.run(main)
