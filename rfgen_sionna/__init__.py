@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rfgen_sionna.dataset import open_run as open_run
     from rfgen_sionna.generative.actor import Actor as Actor
+    from rfgen_sionna.generative.several_actors import actors_from_prompt as actors_from_prompt
     from rfgen_sionna.generative.things.thing_catalogue import things as things
     from rfgen_sionna.pipeline import generate as generate
     from rfgen_sionna.radar import Radar as Radar
@@ -42,6 +43,7 @@ _HOMES = {
     "Radar": "radar",
     "RadarPaths": "records",
     "Simulator": "simulation",
+    "actors_from_prompt": "generative.several_actors",
     "add_actor": "tracing.sionna.sensing_target",
     "from_sionna": "tracing.sionna.sionna_paths",
     "furnished": "scene.furnished",

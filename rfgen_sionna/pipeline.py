@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,10 +14,9 @@ from rfgen_sionna._deprecation import warn_renamed
 from rfgen_sionna.dataset import check_run_output
 from rfgen_sionna.generative.actor import DEFAULT_DURATION, Actor
 from rfgen_sionna.generative.clip_person import Clip, chosen_clip, person_with_clip, read_clip_prompt
-from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, tabulate
+from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument
 from rfgen_sionna.generative.environment_setup import ImageOptions, chosen_source, set_up_environment
-from rfgen_sionna.generative.motion import MotionSource
-from rfgen_sionna.generative.prompts import DECIDED, DEFAULT_DISTANCE, PromptError, ScenePrompt, check_seed
+from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, check_seed
 from rfgen_sionna.generative.prompts.environment_prompt import (
     NOWHERE,
     EnvironmentPrompt,
@@ -27,8 +25,9 @@ from rfgen_sionna.generative.prompts.environment_prompt import (
     split_source,
     with_source,
 )
-from rfgen_sionna.generative.prompts.prompt_reader import motion_source, read_prompt
+from rfgen_sionna.generative.prompts.prompt_reader import motion_source
 from rfgen_sionna.generative.radar_placement import place_before_radar
+from rfgen_sionna.generative.several_actors import PromptedActors, actors_from_prompt, actors_report, read_prompts
 from rfgen_sionna.generative.things.thing_catalogue import bounces_of
 from rfgen_sionna.options import check_actors, check_options, check_size, chosen_duration, chosen_view, default_output
 from rfgen_sionna.radar import Radar
@@ -219,8 +218,7 @@ def generate(
     )
     device = chosen_device(device)
     origin, place_words = split_source(environment)
-    source: MotionSource | None = None
-    said: ScenePrompt | None = None
+    read: PromptedActors | None = None
     if prompt == "" and clip is None and others:
         for name, value, usual in (
             ("negative", negative, ""),
@@ -232,21 +230,23 @@ def generate(
         check_seed(seed)
         asked = None if place_words is None else parse_environment(place_words)
     else:
-        source = motion_source(motion) if isinstance(motion, str) and clip is None else None
-        said, asked = _read(prompt, negative, place_words, seed, distance, origin, clip or source)
+        if isinstance(motion, str) and clip is None:
+            motion_source(motion)
+        read, asked = _read(prompt, negative, place_words, seed, distance, origin, clip)
     kind = chosen_source(origin, asked, image_options)
     for sentence in asked.warnings(imagined=kind == "diffusion") if asked else ():
         _LOG.warning(sentence)
     resolution, fov = chosen_view(pir_resolution, fov_deg, projection, kind)
-    target = check_run_output(default_output(said) if output is None else output, overwrite)
+    target = check_run_output(default_output(read.said[0] if read else None) if output is None else output, overwrite)
     image_options.check(moves=radar.trajectory is not None)
-    place = DEFAULT_DISTANCE if said is None or said.distance_m is None else said.distance_m
-    if said is not None and place > radar.max_range and outside == "error":
-        raise ValueError(
-            f"distance is {place:g} m; the range window of radar '{radar.name}' (preset '{radar.preset}') ends at "
-            f"{radar.max_range:.2f} m: choose a smaller one, or a preset with a lower slope or a higher sample rate"
-        )
-    spot = None if said is None else place_before_radar(radar, place, said.bearing_deg or 0.0)[0]
+    for said in read.said if read is not None and outside == "error" else ():
+        away = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
+        if away > radar.max_range:
+            raise ValueError(
+                f"distance is {away:g} m; the range window of radar '{radar.name}' (preset '{radar.preset}') ends at "
+                f"{radar.max_range:.2f} m: choose a smaller one, or a preset with a lower slope or a higher sample rate"
+            )
+    spot = None if read is None else place_before_radar(radar, read.distance_m, read.said[0].bearing_deg or 0.0)[0]
     check_size(duration, radar, resolution, target)
     setting = set_up_environment(
         asked,
@@ -260,7 +260,7 @@ def generate(
     )
     scene = setting.scene
     kinds = [each.thing_record.kind for each in others if isinstance(each, Actor) and each.thing_record]
-    needed = max(map(bounces_of, [*kinds, said.target if said else ""]))
+    needed = max(map(bounces_of, [*kinds, "", *(said.target for said in (read.said if read else ()))]))
     corners = max_bounces is not None and max_bounces < needed
     traced: dict[str, Any] = {
         "rtol": rtol,
@@ -273,20 +273,22 @@ def generate(
     decisions = list(setting.decisions)
     if corners:
         decisions.append(Decision("max_bounces", str(needed), "the corner reflector returns by so many"))
-    person: Actor | None = None
-    if said is not None and spot is not None:
+    people: tuple[Actor, ...] = ()
+    if read is not None and spot is not None:
         found = floor_under(scene, (*spot, float(radar.position[2])))
         height, why = (0.0, "no surface there, so height 0") if found is None else (found[0], f"'{found[1]}' there")
         decisions.append(Decision("floor", f"{height + 0.0:.2f} m", why))
         if clip is not None:
+            said = read.said[0]
             person = person_with_clip(said, clip, seed=seed, radar=radar, floor=height, up=up, frame_rate=frame_rate)
+            people = (person,)
         else:
             length = DEFAULT_DURATION if duration is None else duration
-            person = Actor.from_prompt(said, seed=seed, duration=length, radar=radar, floor=height, source=source)
+            people = actors_from_prompt(read, seed=seed, duration=length, radar=radar, floor=height, motion=str(motion))
         if motion == "auto":
-            person = replace(person, decisions=tuple(map(_by_default, person.decisions)))
-    everyone = others if person is None else (person, *others)
-    duration = chosen_duration(duration, others if person is None else (person,))
+            people = tuple(replace(each, decisions=tuple(map(_by_default, each.decisions))) for each in people)
+    everyone = (*people, *others)
+    duration = chosen_duration(duration, people or others)
     simulator = Simulator(
         scene,
         radar,
@@ -299,16 +301,20 @@ def generate(
     )
     # Surroundings from an image are opaque.
     opaque = setting.environment is not None or not transmission
-    if person is not None and opaque and simulator.is_occluded(person, 0.0, duration):
+    for person in people if opaque else ():
+        if not simulator.is_occluded(person, 0.0, duration):
+            continue
         if setting.environment is None:
             what, remedy = f"the surfaces of scene '{scene.name}' hide", "choose another distance or environment"
         else:
             what, remedy = f"surroundings of the {setting.name} hide", "choose another distance, seed or environment"
+        away = float(np.hypot(*(np.asarray(person.position) - np.asarray(radar.position))[:2]))
         raise ValueError(
-            f"distance is {place:g} m: {what} the person from the radar there; {remedy}, or place the radar elsewhere"
+            f"distance is {away:.3g} m: {what} the {person.name} from the radar there; {remedy}, or place the radar "
+            "elsewhere"
         )
     decisions += [Decision("actor", f"{each.name}: {each.material_names}", argument("actors")) for each in others]
-    text = "\n".join([DECIDED, *tabulate(decisions)]) if person is None else person.report(decisions)
+    text = actors_report(people, decisions)
     if report is None:
         _LOG.info("%s", text)
     else:
@@ -324,8 +330,8 @@ def generate(
         negative_prompt=negative,
         environment=setting.name,
         seeds={
-            "body": seed if person is not None and person.body is not None else None,
-            "motion": seed if person is not None and clip is None else None,
+            "body": seed if any(each.body is not None for each in people) else None,
+            "motion": seed if people and clip is None else None,
             "surroundings": seed if kind in ("furnished", "diffusion") else None,
             "speckle": seed,
             "noise": seed if noise or receiver is not None else None,
@@ -349,30 +355,37 @@ def _read(
     seed: int,
     distance: float | None,
     kind: str,
-    source: MotionSource | Clip | None,
-) -> tuple[ScenePrompt, EnvironmentPrompt | None]:
+    clip: Clip | None,
+) -> tuple[PromptedActors, EnvironmentPrompt | None]:
     """Contents of the prompt and of the arguments; words without effect are logged."""
     check_seed(seed)
-    if isinstance(source, (Motion, Path)):
-        said = read_clip_prompt(prompt, negative, seed, source)
+    if clip is not None:
+        read = PromptedActors((read_clip_prompt(prompt, negative, seed, clip),), "apart")
     else:
-        said = read_prompt(prompt, negative, seed=seed, source=source or "kinematic")
+        read = read_prompts(prompt, negative, seed=seed)
     if distance is not None and not (np.isfinite(distance) and distance > 0):
         raise ValueError(f"distance is {distance!r} m: a positive, finite distance is needed")
-    if distance is not None and said.distance_m is None:
-        said = replace(said, distance_m=float(distance), origins={**said.origins, "distance": argument("distance")})
-    if kind == "none" and environment is None:
-        said = replace(said, surroundings=NOWHERE, origins={**said.origins, "surroundings": argument("environment")})
-    named = in_words(said.surroundings) if said.surroundings else None
+    named = in_words(read.surroundings) if read.surroundings else None
     surroundings = named if environment is None else parse_environment(environment)
+    place, by_argument = read.surroundings, environment is not None or kind == "none"
     if environment is not None:
-        name = NOWHERE if surroundings is None else surroundings.scene
-        if said.surroundings not in (None, name):
-            raise PromptError(f"environment: {environment!r}, but the prompt says {said.surroundings}: leave one out")
-        said = replace(said, surroundings=name, origins={**said.origins, "surroundings": argument("environment")})
-    for sentence in said.warnings:
-        _LOG.warning(sentence)
-    return said, surroundings
+        place = NOWHERE if surroundings is None else surroundings.scene
+        if read.surroundings not in (None, place):
+            raise PromptError(f"environment: {environment!r}, but the prompt says {read.surroundings}: leave one out")
+    elif kind == "none":
+        place = NOWHERE
+    said = []
+    for each in read.said:
+        if distance is not None and each.distance_m is None:
+            origins = {**each.origins, "distance": argument("distance")}
+            each = replace(each, distance_m=float(distance), origins=origins)
+        if by_argument:
+            origins = {**each.origins, "surroundings": argument("environment")}
+            each = replace(each, surroundings=place, origins=origins)
+        said.append(each)
+        for sentence in each.warnings:
+            _LOG.warning(sentence)
+    return replace(read, said=tuple(said)), surroundings
 
 
 def _by_default(decision: Decision) -> Decision:

@@ -176,7 +176,7 @@ def generate(
     from rfgen_sionna.dataset import check_output
     from rfgen_sionna.generative.clip_person import chosen_clip, read_clip_prompt
     from rfgen_sionna.generative.prompts.environment_prompt import with_source
-    from rfgen_sionna.generative.prompts.prompt_reader import read_prompt
+    from rfgen_sionna.generative.several_actors import PromptedActors, read_prompts
     from rfgen_sionna.options import check_options, default_output
     from rfgen_sionna.pipeline import generate as run
 
@@ -199,14 +199,14 @@ def generate(
     check_options(**{name: options[name] for name in signature(check_options).parameters})  # before the slow imports
     clip, options["actors"] = chosen_clip(motion, up, frame_rate), [_actor(text) for text in actor or ()]
     if clip is not None:
-        read = read_clip_prompt(prompt, negative, seed, clip)
+        read = PromptedActors((read_clip_prompt(prompt, negative, seed, clip),), "apart")
     elif prompt or not actor:
-        read = read_prompt(prompt, negative, seed=seed, source=motion)
+        read = read_prompts(prompt, negative, seed=seed)
     else:
         read = None
-    target = options["output"] = output if output is not None else Path(default_output(read))
-    if read is not None:
-        out.print(escape(read.words()), soft_wrap=True)
+    target = options["output"] = output if output is not None else Path(default_output(read.said[0] if read else None))
+    for said in read.said if read else ():
+        out.print(escape(said.words()), soft_wrap=True)
     check_output(target, overwrite)
     if pictures:
         check_pictures(target, overwrite)

@@ -50,9 +50,9 @@ def vital_signs_of(said: ScenePrompt, seed: int) -> VitalSigns | None:
         raise PromptError(f"prompt: {error}") from error
 
 
-def triple_decision(name: str, values: ArrayLike, unit: str) -> Decision:
-    """Decision of an argument with three numbers."""
-    return Decision(name, f"({', '.join(f'{x:g}' for x in np.ravel(values))}) {unit}", argument(name))
+def triple_decision(name: str, values: ArrayLike, unit: str, origin: str | None = None) -> Decision:
+    """Decision of three numbers, by default of an argument."""
+    return Decision(name, f"({', '.join(f'{x:g}' for x in np.ravel(values))}) {unit}", origin or argument(name))
 
 
 def motion_decision(source: MotionSource) -> Decision:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -12,10 +12,12 @@ from scipy.spatial import cKDTree
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.actor import DEFAULT_DURATION, Actor
+from rfgen_sionna.generative.decisions import Decision, tabulate
+from rfgen_sionna.generative.person_decisions import triple_decision
 from rfgen_sionna.generative.prompts.actor_clauses import split_actors
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.prompt_reader import read_prompt
-from rfgen_sionna.generative.prompts.scene_prompt import DEFAULT_DISTANCE, ScenePrompt
+from rfgen_sionna.generative.prompts.scene_prompt import DECIDED, DEFAULT_DISTANCE, ScenePrompt
 from rfgen_sionna.generative.prompts.thing_prompt import ThingPrompt
 from rfgen_sionna.generative.radar_placement import place_before_radar
 
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
+AMONG = "its place among the actors"
+"""Origin of the place of one of several actors."""
 CLEARANCE = 0.02
 """Least distance between the surfaces of two actors [m]."""
 CHECK_RATE = 10.0
@@ -158,6 +162,18 @@ def actors_from_prompt(
     )
 
 
+def actors_report(actors: Sequence[Actor], more: Iterable[Decision] = ()) -> str:
+    """Interpretation and decisions of each actor from a prompt, under its name where there are several, with `more`
+    decisions at the end; several lines."""
+    last = [DECIDED, *tabulate(more)]
+    if not actors:
+        return "\n".join(last)
+    if len(actors) == 1:
+        return actors[0].report(more)
+    parts = [f"actor: {actor.name}\n{actor.report()}" for actor in actors]
+    return "\n".join([*parts, *last])
+
+
 def _paced(read: PromptedActors, speed: float | None) -> tuple[ScenePrompt, ...]:
     """Prompts whose actors go at a common speed [m/s] over the floor; None leaves them as they are."""
     if speed is None or speed < _STATIC:
@@ -251,18 +267,31 @@ def _placed(
     place = origin + u * forward + v * left - rotation @ middle
     velocity = np.asarray(actor.velocity, np.float64)
     velocity[:2] = turned @ velocity[:2]
+    position = (float(place[0]), float(place[1]), float(actor.position[2]))
     return replace(
         actor,
-        position=cast(Any, (float(place[0]), float(place[1]), float(actor.position[2]))),
+        position=cast(Any, position),
         orientation=cast(Any, (facing + turn, 0.0, 0.0)),
         velocity=cast(Any, tuple(velocity)),
+        decisions=_with_place(actor.decisions, position, turn),
     )
 
 
 def _beyond(actor: Actor, shift: FloatArray) -> Actor:
     """The actor farther from the radar."""
     place = np.asarray(actor.position, np.float64) + np.append(shift, 0.0)
-    return replace(actor, position=cast(Any, tuple(place)))
+    decisions = _with_place(actor.decisions, tuple(place), None)
+    return replace(actor, position=cast(Any, tuple(place)), decisions=decisions)
+
+
+def _with_place(decisions: Sequence[Decision], position: Any, turn: float | None) -> tuple[Decision, ...]:
+    """Decisions with the place among the actors instead of that of an actor alone."""
+    moved = {"position", "distance", "azimuth"} | ({"orientation"} if turn is not None else set())
+    kept = [each for each in decisions if each.name not in moved]
+    kept.append(triple_decision("position", np.round(position, 3), "m", AMONG))
+    if turn is not None:
+        kept.append(Decision("orientation", f"{np.degrees(turn) % 360.0:.0f}° from facing the radar", AMONG))
+    return tuple(kept)
 
 
 def _rotation(yaw: float) -> FloatArray:

@@ -83,7 +83,7 @@ def split_actors(prompt: str) -> SeveralActors | None:
         PromptError: there are more than `MOST`, an uncounted crowd, or an interaction that cannot be carried out.
     """
     wanted, _ = split_negative(prompt)
-    text = normalise(wanted)
+    text = normalise(wanted).strip(" ,")
     nouns = _actors_of(text)
     if (len(nouns) == 1 and nouns[0].count == 1) or not nouns:
         return None
