@@ -48,12 +48,17 @@ _CLEARANCE = 0.02
 """Least height of fingertips over the floor [m]: half a finger's thickness."""
 
 
+def floor_clearance(places: FloatArray) -> FloatArray:
+    """(frame,) height of the body over the floor [m] from (frame, joint, 3) positions, flesh included."""
+    joints = [JOINT[name] for name in _FLESH_THICKNESS]
+    return np.asarray((places[:, joints, 2] - np.array(list(_FLESH_THICKNESS.values()))).min(axis=1))
+
+
 def keep_body_above_floor(motion: Motion) -> Motion:
     """The motion with its root raised so that no joint, flesh included, is below the floor z = 0."""
     world = global_rotations(to_matrices(motion.rotations), motion.parents)
     places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
-    joints = [JOINT[name] for name in _FLESH_THICKNESS]
-    missing = np.maximum((np.array(list(_FLESH_THICKNESS.values())) - places[:, joints, 2]).max(axis=1), 0.0)
+    missing = np.maximum(-floor_clearance(places), 0.0)
     if not missing.any():
         return motion
     width = _LIFT_TIME * motion.frame_rate
