@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from types import MappingProxyType
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.manner import Manner
@@ -23,8 +23,10 @@ from rfgen_sionna.generative.motion.clip_editing import (
     scaled,
     sway,
 )
+from rfgen_sionna.generative.motion.floor_ways import Stops, along, floor_way, gait_period, own_speed, own_way
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
 from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.repertoire import HELD, ONCE, WAYS, Window, windows
 from rfgen_sionna.records import Motion
 
@@ -44,6 +46,19 @@ _LEAST = 0.4
 """Shortest part that a joined clip adds [s]."""
 _STILL = 0.35
 """Mean speed of joints up to which a person may stay in a pose [m/s]."""
+
+
+_RATIOS = (0.5, 1.7)
+"""Factors on the speed over the floor of a clip."""
+_ROOM = 4.0
+"""Longest way of a clip that is taken as it is [m]."""
+_GAITS = MappingProxyType(
+    {"walk": "walk_straight", "walk_to_and_fro": "walk_straight", "walk_in_a_circle": "walk_straight"}
+)
+"""Actions whose ways are made from clips of another one."""
+_LEGS = ("hip", "knee", "ankle", "foot")
+_ARMS = ("collar", "shoulder", "elbow", "wrist")
+_TRUNK = ("spine", "neck", "head")
 
 
 @dataclass(frozen=True)
@@ -77,22 +92,74 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
     """
     window, mirror = choose(action, rng, manner, duration, strength)
     pace = manner.pace * float(rng.uniform(*PACES) ** strength)
+    size = manner.size * float(rng.uniform(*SIZES) ** strength)
+    uneven = strength * float(np.clip(rng.normal(0.0, _UNEVEN), -2.0 * _UNEVEN, 2.0 * _UNEVEN))
     count = int(np.ceil(duration * RATE - 1e-9)) + 1
     names = [window.clip]
     if action in ONCE:
         motion = _once(_edited(window, mirror, pace), _span(window, pace), window.whole, count, rng)
-    else:
+        return Draft(_resized(motion, action, size, uneven), tuple(names))
+    path = way_of(action, manner, window.speed * pace * duration) if strength > 0.0 else None
+    if path is None:
         motion = _repeated(action, window, mirror, pace, count, rng, names)
-    if strength > 0.0 or manner.size != 1.0:
-        motion = _resized(motion, action, rng, manner, strength)
-    return Draft(motion, tuple(dict.fromkeys(names)))
+        return Draft(_resized(motion, action, size, uneven), tuple(dict.fromkeys(names)))
+    if manner.speed_mps is not None:
+        # half of the change of speed by cadence, half by the length of the steps
+        ratio = manner.speed_mps / max(window.speed, 0.05)
+        pace, size = float(np.sqrt(ratio)), float(np.sqrt(ratio))
+        if not _RATIOS[0] <= ratio <= _RATIOS[1]:
+            speeds = [each.speed for each in windows()[_GAITS.get(action, action)]]
+            raise PromptError(
+                f"speed: {manner.speed_mps:g} m/s with {action!r}; allowed are {_RATIOS[0] * min(speeds):.2g} to "
+                f"{_RATIOS[1] * max(speeds):.2g} m/s"
+            )
+    gait = _repeated(_GAITS.get(action, action), window, mirror, pace, count + 1, rng, names)
+    speed = own_speed(gait)
+    wanted = size * speed if manner.speed_mps is None else manner.speed_mps
+    stops = Stops.drawn(count, RATE, rng, manner.pauses)
+    way = floor_way(path, duration, wanted, gait_period(gait), rng)
+    gait = _resized(gait, action, 1.0, uneven)
+    return Draft(along(gait, way, wanted, wanted / max(speed, 1e-9), stops), tuple(dict.fromkeys(names)))
+
+
+def way_of(action: str, manner: Manner, length: float) -> str | None:
+    """Kind of way over the floor that an action takes, one of :data:`~rfgen_sionna.generative.manner.PATHS`; None leaves
+    it to the clip.
+
+    Args:
+        action: the action.
+        manner: its manner.
+        length: of the clip's way in the time [m]; a longer one than a room allows goes round.
+
+    Raises:
+        PromptError: the action leads nowhere, or its name contradicts the way.
+    """
+    own = {"walk_straight": "straight", "walk_to_and_fro": "to_and_fro", "walk_in_a_circle": "circle"}.get(action)
+    if action not in WAYS:
+        given = "way" if manner.path else "speed" if manner.speed_mps is not None else "pauses" if manner.pauses else ""
+        if given:
+            raise PromptError(
+                f"{given}: {action!r} does not lead over the floor; leave it out, or ask for a walk or a run"
+            )
+        return None
+    if own is not None and manner.path not in (None, own):
+        raise PromptError(f"path: {manner.path!r} with {action!r}; ask for a walk")
+    if action == "walk_turn":
+        return manner.path
+    if manner.path is not None or own is not None:
+        return manner.path or own
+    if action in ("walk", "carry", "sneak", "limp", "march"):
+        return "to_and_fro"
+    if length > _ROOM or manner.pauses or manner.speed_mps is not None:
+        return "circle"
+    return None
 
 
 def choose(
     action: str, rng: np.random.Generator, manner: Manner, duration: float, strength: float
 ) -> tuple[Window, bool]:
     """A window of one of the people who show an action, and whether it is mirrored."""
-    options = [each for each in windows()[action] if strength > 0.0 or each.mirror is not True]
+    options = [each for each in windows()[_GAITS.get(action, action)] if strength > 0.0 or each.mirror is not True]
     if manner.hand in ("left", "right"):
         options = [
             each for each in options if each.side == manner.hand or (strength > 0.0 and each.side != "both")
@@ -166,10 +233,6 @@ def _kept(motion: Motion, count: int, rng: np.random.Generator) -> Motion:
     return held(motion, count, calm[:, None] * small)
 
 
-_LEGS = ("hip", "knee", "ankle", "foot")
-_ARMS = ("collar", "shoulder", "elbow", "wrist")
-
-
 def _repeated(
     action: str, window: Window, mirror: bool, pace: float, count: int, rng: np.random.Generator, names: list[str]
 ) -> Motion:
@@ -188,7 +251,7 @@ def _repeated(
     whole = clip if window.whole else motion
     while len(motion.translation) < count:
         tried = [(whole, "")]
-        place, distance = _join(motion, whole)
+        _, distance = _join(motion, whole)
         if distance > _ALIKE and (kin or others):
             pool = kin or others
             for k in rng.permutation(len(pool))[:3]:
@@ -225,23 +288,19 @@ def _join(motion: Motion, other: Motion) -> tuple[tuple[int, int], float]:
     return (tail + int(here), int(there)), float(cost[here, there])
 
 
-def _resized(motion: Motion, action: str, rng: np.random.Generator, manner: Manner, strength: float) -> Motion:
+def _resized(motion: Motion, action: str, size: float, uneven: float) -> Motion:
     """The motion larger or smaller, and uneven between left and right."""
-    drawn = float(rng.uniform(*SIZES) ** strength)
-    size = manner.size * drawn
-    uneven = strength * float(np.clip(rng.normal(0.0, _UNEVEN), -2.0 * _UNEVEN, 2.0 * _UNEVEN))
+    if size == 1.0 and uneven == 0.0:
+        return motion
     arms = _sizes(_ARMS, size, uneven)
     if action in ONCE or action in HELD:
         return scaled(motion, arms, 1.0)
-    legs = _sizes(_LEGS, size, uneven)
     trunk = np.ones(NUM_BODY_JOINTS)
-    trunk[[k for k, name in enumerate(JOINT_NAMES[:NUM_BODY_JOINTS]) if name.startswith(("spine", "neck", "head"))]] = (
-        size
-    )
-    out = scaled(motion, arms * legs * trunk, size)
+    trunk[[k for k, name in enumerate(JOINT_NAMES[:NUM_BODY_JOINTS]) if name.startswith(_TRUNK)]] = size
+    out = scaled(motion, arms * trunk * _sizes(_LEGS, size, uneven), size)
     if action in WAYS:
         translation = out.translation.copy()
-        way = gaussian_filter1d(translation[:, :2], 0.5 * RATE, axis=0, mode="nearest")
+        way = own_way(out)
         translation[:, :2] += (size - 1.0) * (way - way[:1])
         out = replace(out, translation=translation)
     return out

@@ -122,7 +122,7 @@ def scaled(motion: Motion, sizes: FloatArray, rise: float, neutral: FloatArray |
 
     Args:
         motion: any motion.
-        sizes: (joint,) factor on the turns from `neutral`.
+        sizes: (joint,) or (frame, joint) factor on the turns from `neutral`.
         rise: factor on the height of the pelvis over or under its median.
         neutral: (joint, 4) local rotations, the pelvis without heading; None takes the mean pose.
     """
@@ -134,7 +134,7 @@ def scaled(motion: Motion, sizes: FloatArray, rise: float, neutral: FloatArray |
         mean = neutral
     shape = turns.shape
     base = Rotation.from_quat(np.repeat(mean[None], shape[0], 0).reshape(-1, 4))
-    local = (base * Rotation.from_rotvec((turns * sizes[:, None]).reshape(-1, 3))).as_quat().reshape(*shape[:2], 4)
+    local = (base * Rotation.from_rotvec((turns * sizes[..., None]).reshape(-1, 3))).as_quat().reshape(*shape[:2], 4)
     local[:, 0] = (_headings(motion) * Rotation.from_quat(local[:, 0])).as_quat()
     translation = motion.translation.copy()
     middle = np.median(translation[:, 2])

@@ -1,0 +1,188 @@
+"""Ways over the floor for walks and runs of clips: straight, to and fro, round a circle, around a room, with pauses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.motion.clip_editing import at_times, headings, scaled
+from rfgen_sionna.generative.motion.curves import ease
+from rfgen_sionna.generative.motion.resampling import runs
+from rfgen_sionna.generative.motion.rotations import continuous
+from rfgen_sionna.generative.motion.walk import BACK, WalkPath, back_and_forth
+from rfgen_sionna.records import Motion
+
+_STEP = 0.5
+"""Width of the smoothing that takes steps and sway out of a way [s]."""
+_SLOW = 0.3
+"""Share of the speed in a half turn."""
+_CENTRIPETAL = 2.5
+"""Acceleration towards the middle of a circle that the pace allows [m/s^2]; leaning by 14 degrees."""
+_STOPPING = 0.8
+"""Time from the pace to a stop [s]: one and a half steps."""
+_SMALLEST = 0.12
+"""Share of the usual steps under which the person stands."""
+_FOOT_PERIOD = 1.1
+"""Time of two steps where contacts leave it open [s]."""
+
+
+@dataclass(frozen=True)
+class Stops:
+    """How far the pace goes down over time."""
+
+    pace: FloatArray
+    """(frame,) share of the pace, 0 in a stop."""
+
+    @classmethod
+    def drawn(cls, count: int, rate: float, rng: np.random.Generator, wanted: bool) -> Stops:
+        """Stops of 0.8 to 2 s after 1.5 to 3.5 s of way each; at least one where it fits, none if not `wanted`."""
+        pace, t = np.ones(count), np.arange(count) / rate
+        at = rng.uniform(0.25, 0.6) * min(t[-1], 4.0) if wanted else np.inf
+        while at + _STOPPING < t[-1]:
+            rest = rng.uniform(0.8, 2.0)
+            down = ease((t - at) / _STOPPING) - ease((t - at - _STOPPING - rest) / _STOPPING)
+            pace *= 1.0 - down
+            at += 2.0 * _STOPPING + rest + rng.uniform(1.5, 3.5)
+        return cls(pace)
+
+
+def own_way(motion: Motion) -> FloatArray:
+    """(frame, 2) way of the pelvis without steps and sway [m]."""
+    points, width = motion.translation[:, :2], _STEP * motion.frame_rate
+    margin = min(int(4 * width), len(points) - 1)
+    wide = np.pad(points, ((margin, margin), (0, 0)), mode="reflect", reflect_type="odd")
+    return np.asarray(gaussian_filter1d(wide, width, axis=0, mode="nearest")[margin : margin + len(points)])
+
+
+def own_speed(motion: Motion) -> float:
+    """Mean speed along the way [m/s]."""
+    return float(np.linalg.norm(np.diff(own_way(motion), axis=0), axis=1).sum() / max(motion.duration, 1e-9))
+
+
+def gait_period(motion: Motion) -> float:
+    """Time of two steps [s], from the contacts."""
+    if motion.contacts is None:
+        return _FOOT_PERIOD
+    lands = [np.diff([a for a, _ in runs(motion.contacts[:, k])]) for k in range(2)]
+    times = np.concatenate(lands) / motion.frame_rate
+    return float(np.clip(np.median(times), 0.5, 2.5)) if len(times) else _FOOT_PERIOD
+
+
+def floor_way(kind: str, end: float, speed: float, period: float, rng: np.random.Generator) -> WalkPath:
+    """A way of a kind of :data:`~rfgen_sionna.generative.manner.PATHS` for `end` [s] at `speed` [m/s].
+
+    It begins towards +x; its middle is the origin.
+    """
+    if kind == "to_and_fro":
+        return _to_and_fro(end, speed, period, rng)
+    t = np.arange(0.0, end + 1.0, 1.0 / 480.0)
+    sense = 1 if rng.uniform() < 0.5 else -1
+    if kind == "straight":
+        heading = np.zeros_like(t)
+    elif kind == "circle":
+        widest = max(speed * end / (2.2 * np.pi), 0.5)  # around and a little more
+        radius = max(min(rng.uniform(0.9, 1.6), widest), speed**2 / _CENTRIPETAL)
+        heading = sense * speed * t / radius
+    else:
+        heading = sense * _loop(speed * t, speed * end, rng)
+    x = np.cumsum(speed * np.cos(heading)) / 480.0
+    y = np.cumsum(speed * np.sin(heading)) / 480.0
+    inside = t <= end
+    x -= 0.5 * (x[inside].min() + x[inside].max())
+    y -= 0.5 * (y[inside].min() + y[inside].max())
+    return WalkPath(t, x, y, heading, np.full_like(t, speed))
+
+
+def _loop(gone: FloatArray, total: float, rng: np.random.Generator) -> FloatArray:
+    """Headings along a rectangle with round corners, walked around once where the way is long enough [rad]."""
+    corner = 0.4
+    around = np.clip(total / rng.uniform(1.02, 1.1), 6.0, 14.0)
+    straight = (around - 2.0 * np.pi * corner) / 2.0
+    length = straight * rng.uniform(0.5, 0.62)
+    sides = np.tile([length, straight - length], 64)
+    start = -rng.uniform(0.2, 0.6) * length
+    heading = np.zeros_like(gone)
+    at = start
+    for side in sides:
+        at += side
+        heading += 0.5 * np.pi * np.clip((gone - at) / (0.5 * np.pi * corner), 0.0, 1.0)
+        at += 0.5 * np.pi * corner
+        if at > gone[-1]:
+            break
+    return heading
+
+
+def _to_and_fro(end: float, speed: float, period: float, rng: np.random.Generator) -> WalkPath:
+    length = max(rng.uniform(0.8, 1.6) * speed, 0.45)
+    if end > 8.0:
+        length *= rng.uniform(1.0, 1.8)
+    turn_time = rng.uniform(1.6, 2.1) * period
+    sense = 1 if rng.uniform() < 0.5 else -1
+    ahead = length / speed * (1.0 - rng.uniform(0.0, 0.4))
+    missing = ahead + turn_time + BACK - end
+    if missing > 0.0:
+        ahead = max(ahead - missing, 0.3)
+        turn_time = max(turn_time - max(ahead + turn_time + BACK - end, 0.0), 1.2 * period)
+    return back_and_forth(end, speed, length, turn_time, sense, start=length / speed - ahead, slow=_SLOW)
+
+
+def along(motion: Motion, path: WalkPath, speed: float, size: float, stops: Stops) -> Motion:
+    """The walk or run along a way.
+
+    Args:
+        motion: a gait of at least as many frames as `stops`, whose own way is left out.
+        path: the way.
+        speed: pace of the way [m/s].
+        size: share of the gait's own steps that the pace needs.
+        stops: where the pace goes down.
+    """
+    rate = motion.frame_rate
+    count = len(stops.pace)
+    gone = np.concatenate([[0.0], np.cumsum(0.5 * (stops.pace[1:] + stops.pace[:-1]))]) / rate
+    x, y, heading = path.at(gone)
+    share = np.interp(gone, path.t, path.speed) / speed * stops.pace
+    cadence = ease(stops.pace / 0.4)
+    phase = np.concatenate([[0.0], np.cumsum(0.5 * (cadence[1:] + cadence[:-1]))]) / rate
+    gait = at_times(motion, phase)
+    way = at_times(
+        replace(motion, translation=np.column_stack([own_way(motion), np.zeros(len(motion.translation))])), phase
+    )
+    own = way.translation[:, :2]
+    course = _course(motion, phase)
+    steps = np.minimum(size * share, 1.3)
+    legs = np.ones((count, len(motion.joint_names)))
+    for k, name in enumerate(motion.joint_names):
+        if name.endswith(("hip", "knee", "ankle", "foot")):
+            legs[:, k] = steps
+        elif name.endswith(("shoulder", "elbow")):
+            legs[:, k] = 0.3 + 0.7 * np.minimum(steps, 1.0)
+    gait = scaled(gait, legs, 1.0)
+    turn = heading - course
+    cos, sin = np.cos(turn), np.sin(turn)
+    dx, dy = (gait.translation[:, :2] - own).T
+    translation = np.column_stack([x + cos * dx - sin * dy, y + sin * dx + cos * dy, gait.translation[:, 2]])
+    rotations = gait.rotations.copy()
+    rotations[:, 0] = (Rotation.from_euler("z", turn[:, None]) * Rotation.from_quat(rotations[:, 0])).as_quat()
+    contacts = gait.contacts
+    if contacts is not None:
+        contacts = contacts | (steps < _SMALLEST)[:, None]
+    return replace(gait, rotations=continuous(rotations), translation=translation, contacts=contacts)
+
+
+def _course(motion: Motion, phase: FloatArray) -> FloatArray:
+    """(frame,) direction of a gait's own way at times `phase` [s], continuous [rad]; where it stands, its heading."""
+    step = np.gradient(own_way(motion), axis=0) * motion.frame_rate
+    facing = headings(motion)
+    direction = np.arctan2(step[:, 1], step[:, 0])
+    # the angle between way and heading changes slowly: sideways and backwards stay so
+    offset = np.exp(1j * (direction - facing)) * np.linalg.norm(step, axis=1)
+    smooth = gaussian_filter1d(offset.real, 20.0, mode="nearest") + 1j * gaussian_filter1d(
+        offset.imag, 20.0, mode="nearest"
+    )
+    slow = gaussian_filter1d(facing, _STEP * motion.frame_rate, mode="nearest")
+    course = slow + np.unwrap(np.angle(smooth))
+    return np.interp(phase * motion.frame_rate, np.arange(len(course)), course)
