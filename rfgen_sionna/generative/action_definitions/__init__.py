@@ -8,9 +8,11 @@ from types import MappingProxyType
 from rfgen_sionna.generative.action_definitions import (
     arm_movements,
     changes_of_level,
+    daily_actions,
     exercises,
     flights,
     held_poses,
+    losses_of_balance,
     ways_over_the_floor,
 )
 from rfgen_sionna.generative.action_definitions.definition import Definition, Requirement, Verdict
@@ -22,7 +24,16 @@ __all__ = ["DEFINED_ACTIONS", "Definition", "MotionSignals", "Requirement", "Ver
 DEFINED_ACTIONS: Mapping[str, Definition] = MappingProxyType(
     {
         each.action: each
-        for module in (changes_of_level, ways_over_the_floor, flights, held_poses, arm_movements, exercises)
+        for module in (
+            changes_of_level,
+            losses_of_balance,
+            ways_over_the_floor,
+            flights,
+            held_poses,
+            arm_movements,
+            daily_actions,
+            exercises,
+        )
         for each in module.DEFINITIONS
     }
 )

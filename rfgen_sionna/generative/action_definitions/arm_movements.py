@@ -20,6 +20,7 @@ from rfgen_sionna.generative.action_definitions.definition import (
 from rfgen_sionna.generative.action_definitions.motion_signals import MotionSignals
 from rfgen_sionna.generative.action_definitions.sampled_series import (
     RATE,
+    longest,
     period,
     rate_of,
     share,
@@ -184,6 +185,30 @@ def wave(s: MotionSignals) -> Requirements:
                 "median of the other hand over its shoulder [m]", np.median(s.hands_over_shoulders[:, 1 - side]), 0.1
             ),
             at_most("longest flight [s]", max((b - a for a, b in s.flights), default=0) / RATE, 0.15),
+        ]
+
+    return _either(of, s)
+
+
+@defines(
+    "shake_hands",
+    "A hand held out ahead, below the shoulder, goes up and down by 3 cm or more three times or more, in one place.",
+    "whether another person holds the hand",
+)
+def shake_hands(s: MotionSignals) -> Requirements:
+    def of(s: MotionSignals, side: int) -> Requirements:
+        hand = s.wrists[:, side]
+        out = (hand[:, 0] > 0.2) & (hand[:, 2] > -0.5) & (hand[:, 2] < 0.05) & (np.abs(hand[:, 1]) < 0.4)
+        runs = [slice(a, b) for a, b in stretches(out)]
+        moves = max((swings(hand[run, 2], 0.03) for run in runs), default=0)
+        return [
+            at_least("moves up and down of a hand held out by 3 cm", moves, 3),
+            at_least("longest time with the hand held out [s]", longest(out), 0.6),
+            at_most(
+                "median of the other hand over its shoulder [m]", np.median(s.hands_over_shoulders[:, 1 - side]), -0.2
+            ),
+            at_most("fastest hand against the shoulders [m/s]", s.wrist_speed[:, side].max(), 2.5),
+            *_in_place(s, 2.0),
         ]
 
     return _either(of, s)
@@ -375,6 +400,7 @@ DEFINITIONS: tuple[Definition, ...] = (
     click,
     finger_swing,
     wave,
+    shake_hands,
     clap,
     punch,
     boxing,

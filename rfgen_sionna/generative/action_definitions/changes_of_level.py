@@ -118,7 +118,7 @@ def lie(s: MotionSignals) -> Requirements:
     return [at_least("share of time with pelvis and head at the floor", share(lying(s)), 0.9)]
 
 
-def _descent(s: MotionSignals) -> tuple[int, float]:
+def fastest_descent(s: MotionSignals) -> tuple[int, float]:
     """Sample of the fastest descent of the head over 0.2 s, and its speed [m/s]."""
     speed = -smooth(rate_of(s.head_height), 0.2)
     fastest = int(np.argmax(speed))
@@ -132,13 +132,13 @@ def lie_down(s: MotionSignals) -> Requirements:
         at_least("highest pelvis in the first half [m]", s.pelvis_height[: len(s.time) // 2 + 1].max(), 0.42),
         at_least("longest time with pelvis and head at the floor in the last second [s]", longest(down[-20:]), 0.25),
         at_most("share of the first 0.3 s with pelvis and head at the floor", share(down[FIRST]), 0.2),
-        at_most("fastest descent of the head over 0.2 s [m/s]", _descent(s)[1], 2.5),
+        at_most("fastest descent of the head over 0.2 s [m/s]", fastest_descent(s)[1], 2.5),
     ]
 
 
 @defines("fall", "On the feet at first; the head drops at 2.5 m/s or more; pelvis and head under 0.35 m at the end.")
 def fall(s: MotionSignals) -> Requirements:
-    when, speed = _descent(s)
+    when, speed = fastest_descent(s)
     before = slice(0, when + 1)
     return [
         at_least(
@@ -152,7 +152,7 @@ def fall(s: MotionSignals) -> Requirements:
 
 def _toward(s: MotionSignals) -> FloatArray:
     """(2,) level direction from pelvis to head as the body lands, ahead and to the left of where it faced before."""
-    when, _ = _descent(s)
+    when, _ = fastest_descent(s)
     before = max(when - 10, 0)
     landed = int(np.argmin(s.head_height[when : when + 20])) + when
     trunk = (s.joint("neck") - s.joint("pelvis"))[landed]
@@ -187,7 +187,7 @@ def fall_sideways(s: MotionSignals) -> Requirements:
 def fall_from_chair(s: MotionSignals) -> Requirements:
     return [
         at_least("share of the first 0.3 s on a seat", share(seated(s)[FIRST]), 0.8),
-        at_least("fastest descent of the head over 0.2 s [m/s]", _descent(s)[1], 1.7),
+        at_least("fastest descent of the head over 0.2 s [m/s]", fastest_descent(s)[1], 1.7),
         at_most("height of the pelvis at the end [m]", _height_at(s, LAST), 0.35),
         at_most("height of the head at the end [m]", s.head_height[LAST].mean(), 0.35),
     ]
