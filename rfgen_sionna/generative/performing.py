@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from types import MappingProxyType
 
 import numpy as np
 
-from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSignals, check
+from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSignals, Verdict, check
 from rfgen_sionna.generative.library_source import draft
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, KinematicSource, Skeleton
@@ -79,23 +79,27 @@ def perform(
     share = 1.0 if strength is None else float(strength)
     if not 0.0 <= share <= 1.0:
         raise ValueError(f"strength: {strength!r}; allowed are 0, a clip as it is, to 1, the usual variation")
-    manner = manner or Manner()
-    body = skeleton or MEAN_ADULT
     reasons: tuple[str, ...] = ()
+    for motion, verdict in trials(action, duration, seed, skeleton or MEAN_ADULT, manner or Manner(), share):
+        if verdict.true:
+            return replace(motion, seed=seed)
+        reasons = reasons or verdict.reasons
+    raise PromptError(f"action: no motion of {ATTEMPTS} shows {action!r} for {duration:g} s: {'; '.join(reasons)}")
+
+
+def trials(
+    action: str, duration: float, seed: int, skeleton: Skeleton, manner: Manner, strength: float
+) -> Iterator[tuple[Motion, Verdict]]:
+    """Motions that are tried one after the other, of each source, with what the definition says of them."""
     for source in performable()[action]:
         for attempt in range(ATTEMPTS):
             one = seed if attempt == 0 else int(np.random.SeedSequence([seed, attempt]).generate_state(1)[0])
             if source == "rules":
-                motion = KinematicSource()(action, duration, one, skeleton=body, manner=manner)
+                motion = KinematicSource()(action, duration, one, skeleton=skeleton, manner=manner)
             else:
-                motion = _from_clips(action, duration, one, body, manner, share)
-            if duration < SHORTEST:
-                return replace(motion, seed=seed)
-            verdict = check(MotionSignals(motion), action)
-            if verdict.true:
-                return replace(motion, seed=seed)
-            reasons = reasons or verdict.reasons
-    raise PromptError(f"action: no motion of {ATTEMPTS} shows {action!r} for {duration:g} s: {'; '.join(reasons)}")
+                motion = _from_clips(action, duration, one, skeleton, manner, strength)
+            whole = duration >= SHORTEST
+            yield motion, check(MotionSignals(motion), action) if whole else Verdict(action, True, ())
 
 
 def _from_clips(action: str, duration: float, seed: int, body: Skeleton, manner: Manner, strength: float) -> Motion:
