@@ -1,0 +1,194 @@
+"""Reading of an action in a sentence, by a sentence encoder and a trained head.
+
+The head gives probabilities of actions and of topics that no action covers. Sides and directions are read by the order
+of words (:mod:`.word_order`). Below a probability chosen on held-out sentences a reading is refused; figures of merit
+are beside the weights.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.generative.action_catalogue import ACTION_CLAUSES
+from rfgen_sionna.generative.prompts import clauses, sentence_features
+from rfgen_sionna.generative.prompts.caption_encoder import CaptionEncoder
+from rfgen_sionna.generative.prompts.word_order import FAMILIES, actions_of, limb_side
+
+WEIGHTS = Path(__file__).with_name("weights") / "action_reader.npz"
+"""File of the head."""
+REFUSED = "refused: "
+"""Beginning of the labels of what no action covers; the topic follows."""
+_QUIET = frozenset({"talk", "mind", "states", "music"})
+"""Topics that may go on beside an action, without an effect on it."""
+
+
+@dataclass(frozen=True)
+class ActionReading:
+    """Action that a sentence names."""
+
+    text: str
+    action: str
+    """The likeliest action."""
+    probability: float
+    """That the words mean it, of 1."""
+    nearest: tuple[str, str, str]
+    """The three likeliest actions, for refusals."""
+    possible: bool
+    """Whether the words mean an action that can be done; otherwise `reason` is against it."""
+    options: tuple[str, ...] = ()
+    """Actions that the words leave open, `action` among them."""
+    arms: str = ""
+    """Action of the arms at the same time; empty for none."""
+    side: str = ""
+    """"left" or "right" in the words, where the action leaves it open."""
+    unknown: tuple[str, ...] = ()
+    """Words that no wording of the action has: they have no effect."""
+    reason: str = ""
+    """Why the action cannot be done."""
+
+
+class ActionReader:
+    """Reads actions.
+
+    Parameters
+    ----------
+    actions
+        Actions that can be done; all of the catalogue by default.
+
+    Raises
+    ------
+    ImportError
+        The sentence encoder is missing.
+    """
+
+    def __init__(self, actions: Collection[str] | None = None) -> None:
+        self.actions = frozenset(ACTION_CLAUSES if actions is None else actions)
+        self._encoder, self._head = CaptionEncoder(), _head()
+
+    def read(self, text: str) -> ActionReading:
+        """Action of a sentence or of keywords about one person, without numbers and places as far as possible.
+
+        Raises
+        ------
+        ValueError
+            The text has no words.
+        """
+        said = clauses.plain(text)
+        if not sentence_features.words(said):
+            raise ValueError(f"text: {text!r} has no words; write an action, such as 'a person walks'")
+        parts = clauses.split(said)
+        whole, *others = self._readings([said, *parts.texts])
+        reading = self._joined(whole, others, parts) if others else whole
+        against = clauses.refusal(said)
+        if against:
+            reading = replace(reading, possible=False, reason=against)
+        return replace(reading, text=text)
+
+    def _readings(self, texts: Sequence[str]) -> list[ActionReading]:
+        every = self._head.probabilities(self._encoder.embed(texts), texts)
+        return [self._reading(text, row) for text, row in zip(texts, every, strict=True)]
+
+    def _reading(self, text: str, probabilities: NDArray[np.float32]) -> ActionReading:
+        """Reading of one clause from the probabilities of the labels."""
+        head = self._head
+        order = [int(i) for i in np.argsort(-probabilities, kind="stable")]
+        likely = [head.labels[i] for i in order]
+        families = [label for label in likely if not label.startswith(REFUSED)]
+        options = actions_of(families[0], text)
+        near = [a for family in families for a in actions_of(family, text) if a in self.actions]
+        share = float(probabilities[head.labels.index(families[0])])
+        unknown = head.unknown(text, families[0])
+        limit = head.limits[1] if unknown else head.limits[0]
+        reason = ""
+        if likely[0].startswith(REFUSED):
+            reason = f"it is about something else ({likely[0].removeprefix(REFUSED).replace('_', ' ')})"
+        elif share < limit:
+            reason = f"its action is not clear (probability {share:.2f}, at least {limit:.2f} is needed)"
+        elif not set(options) & self.actions:
+            reason = f"there is no motion for {options[0]!r}"
+        options = tuple(a for a in options if a in self.actions) or options
+        return ActionReading(
+            text,
+            options[0],
+            share,
+            (near[0], near[1], near[2]),
+            not reason,
+            options,
+            side="" if families[0] in FAMILIES and len(options) == 1 else limb_side(text),
+            unknown=unknown,
+            reason=reason,
+        )
+
+    def _joined(
+        self, whole: ActionReading, parts: Sequence[ActionReading], said: clauses.Clauses
+    ) -> ActionReading:
+        """Reading of a sentence of several clauses."""
+        named = [part for part in parts if part.possible]
+        if not named:
+            return whole
+        for part in parts:
+            topic = part.reason.removeprefix("it is about something else (").rstrip(")")
+            if not part.possible and topic != part.reason and topic not in _QUIET:
+                return replace(whole, possible=False, reason=f"{part.text!r} cannot be done")
+        actions = list(dict.fromkeys(part.action for part in named if part.action != "standing"))
+        if len(actions) < 2 or clauses.covers(whole.action, actions):
+            return whole if whole.possible or not named else self._single(whole, named)
+        legs = [part for part in named if part.action in clauses.LEGS]
+        arms = [part for part in named if part.action in clauses.ARMS]
+        if not said.sequence and len(actions) == 2 and len(legs) == len(arms) == 1:
+            return replace(
+                legs[0],
+                arms=arms[0].action,
+                probability=min(legs[0].probability, arms[0].probability),
+                side=legs[0].side or arms[0].side,
+                unknown=(*legs[0].unknown, *arms[0].unknown),
+            )
+        several = " and ".join(repr(action) for action in actions)
+        return replace(whole, possible=False, reason=f"it names several actions ({several}); ask for one at a time")
+
+    def _single(self, whole: ActionReading, named: Sequence[ActionReading]) -> ActionReading:
+        """Reading by the one clause that names an action; the words of the others have no effect."""
+        part = next((part for part in named if part.action != "standing"), named[0])
+        heard = {sentence_features.stem(word) for word in sentence_features.words(part.text)}
+        rest = [w for w in sentence_features.content(whole.text) if sentence_features.stem(w) not in heard]
+        return replace(part, unknown=(*part.unknown, *(word for word in rest if word not in part.unknown)))
+
+
+class _Head:
+    """Trained head: softmax of a linear function of the features."""
+
+    def __init__(self, path: Path) -> None:
+        with np.load(path, allow_pickle=False) as stored:
+            facts = json.loads(stored["facts"].tobytes())
+            self._weights = stored["weights"].astype(np.float32)
+            self._bias = stored["bias"].astype(np.float32)
+        self.labels: list[str] = facts["labels"]
+        self.limits: tuple[float, float] = tuple(facts["limits"])
+        """Least probability of a reading: of sentences in known words, and of others."""
+        self._stems = {label: frozenset(stems) for label, stems in facts["stems"].items()}
+        self._common = frozenset(facts["common"])
+
+    def probabilities(self, vectors: NDArray[np.float32], texts: Sequence[str]) -> NDArray[np.float32]:
+        """(text, label)."""
+        scores = sentence_features.design(vectors, texts) @ self._weights + self._bias
+        shares = np.exp(scores - scores.max(axis=1, keepdims=True))
+        return shares / shares.sum(axis=1, keepdims=True)
+
+    def unknown(self, text: str, family: str) -> tuple[str, ...]:
+        """Words after the subject that no wording of the family has."""
+        known = self._stems[family] | self._common
+        said = sentence_features.content(clauses.without_subject(text, known))
+        return tuple(dict.fromkeys(word for word in said if sentence_features.stem(word) not in known))
+
+
+@cache
+def _head() -> _Head:
+    return _Head(WEIGHTS)
