@@ -172,7 +172,7 @@ def wave(s: MotionSignals) -> Requirements:
         hand = s.ahead(s.pair("wrist") - s.pair("elbow"))[:, side]
         runs = [slice(a, b) for a, b in stretches(up) if b - a > 4] or [slice(0, 0)]
         best = max(runs, key=lambda run: swings(hand[run, 1], 0.06) if len(hand[run]) else -1)
-        moved = np.ptp(hand[best], axis=0) if len(hand[best]) else np.zeros(3)
+        moved = hand[best].std(axis=0) if len(hand[best]) else np.zeros(3)
         return [
             at_least(
                 "swings from side to side of a raised forearm by 6 cm",

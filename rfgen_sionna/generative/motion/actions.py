@@ -11,6 +11,8 @@ import numpy as np
 
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion import gestures, jumps, postures
+from rfgen_sionna.generative.motion.arm_actions import GESTURES
+from rfgen_sionna.generative.motion.keyed_gesture import perform
 from rfgen_sionna.generative.motion.pick_up import pick_up
 from rfgen_sionna.generative.motion.skeleton import HANDS, SIDES
 from rfgen_sionna.generative.motion.tracks import MotionTracks
@@ -46,6 +48,10 @@ def with_hand(hand: str) -> str:
     return " with both hands" if hand == "both" else f" with the {hand} hand"
 
 
+def _keyed(name: str, description: str, *, one_handed: bool = False, periodic: bool = True) -> Action:
+    return Action(name, description, partial(perform, what=GESTURES[name]), one_handed, periodic=periodic)
+
+
 _posture, _gesture = partial(Action, periodic=False), partial(Action, one_handed=True)
 ACTIONS: Mapping[str, Action] = MappingProxyType(
     {
@@ -74,6 +80,43 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             _posture("standing", "stands", postures.standing),
             # append only: random streams depend on the index of an action
             Action("walk_straight", "walks straight ahead", walk_straight),
+            _keyed("wave", "waves", one_handed=True),
+            _keyed("clap", "claps"),
+            _keyed("drink", "drinks", one_handed=True),
+            _keyed("phone", "phones", one_handed=True),
+            _keyed("type", "types on a keyboard"),
+            _keyed("sweep", "sweeps the floor"),
+            _keyed("boxing", "boxes"),
+            _keyed("stretch", "stretches"),
+            _keyed("throw", "throws", one_handed=True),
+            _keyed("point", "points at something", one_handed=True, periodic=False),
+            _keyed("shake_hands", "shakes hands"),
+            _keyed("arms_on_hips", "stands with the hands on the hips", periodic=False),
+            _keyed("arms_folded", "stands with folded arms", periodic=False),
+            _keyed("hands_behind_back", "stands with the hands behind the back", periodic=False),
+            _keyed("hands_in_pockets", "stands with the hands in the pockets", periodic=False),
+            _keyed("both_arms_forward", "holds both arms out ahead", periodic=False),
+            _keyed("beckon", "beckons", one_handed=True),
+            _keyed("salute", "salutes", one_handed=True, periodic=False),
+            _keyed("wipe", "wipes a table", one_handed=True),
+            _keyed("wash_window", "washes a window", one_handed=True),
+            _keyed("brush_teeth", "brushes the teeth", one_handed=True),
+            _keyed("comb", "combs the hair", one_handed=True),
+            _keyed("cough", "coughs", one_handed=True),
+            _keyed("knock", "knocks at a door", one_handed=True),
+            _keyed("stir", "stirs a pot"),
+            _keyed("swing_arms", "swings the arms"),
+            _keyed("look_around", "looks around"),
+            _keyed("nod", "nods"),
+            _keyed("shake_head", "shakes the head"),
+            *(
+                _posture(
+                    f"{side}_arm_horizontal",
+                    f"holds the {side} arm out level",
+                    partial(perform, what=GESTURES["arm_horizontal"], side=side),
+                )
+                for side in SIDES
+            ),
         )
     }
 )

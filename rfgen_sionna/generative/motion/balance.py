@@ -55,7 +55,7 @@ def over_feet(tracks: MotionTracks, weight: FloatArray | float = 0.5, ahead: flo
         [np.cos(tracks.yaw), np.sin(tracks.yaw)], axis=-1
     )
     for _ in range(3):
-        _, joints = tracks.solve()
+        _, joints = tracks.solve(fingers=False)
         tracks.pelvis[:, :2] += support + tracks.sway - centre_of_mass(joints)[:, :2]
 
 
@@ -64,7 +64,7 @@ def fit_height(tracks: MotionTracks, reach: float = 0.985) -> None:
     sk = tracks.skeleton
     longest = reach * sk.leg_length()
     for _ in range(4):
-        _, joints = tracks.solve()
+        _, joints = tracks.solve(fingers=False)
         over = 0.0
         for side in SIDES:
             ankle, _, _ = tracks.foot_frames(side)
@@ -84,7 +84,7 @@ def ride_height(tracks: MotionTracks, reach: float = 0.99, sigma: float = 0.04) 
     step = float(tracks.t[1] - tracks.t[0]) if tracks.n > 1 else 1.0
     width = max(1, round(2.0 * sigma / step))
     for _ in range(2):
-        _, joints = tracks.solve()
+        _, joints = tracks.solve(fingers=False)
         allowed = np.full(tracks.n, np.inf)
         for side in SIDES:
             ankle, _, _ = tracks.foot_frames(side)

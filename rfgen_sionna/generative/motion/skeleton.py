@@ -119,7 +119,7 @@ def global_rotations(local: FloatArray, parents: tuple[int, ...]) -> FloatArray:
     return world
 
 
-def soft_limit(distance: FloatArray, longest: float, margin: float = 0.01) -> FloatArray:
+def soft_limit(distance: FloatArray, longest: FloatArray | float, margin: float = 0.01) -> FloatArray:
     """`distance` kept below `longest` by a smooth knee that starts `margin` (relative) before it."""
     start = longest * (1.0 - margin)
     over = np.maximum(distance - start, 0.0) / (longest - start)

@@ -6,18 +6,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.curves import ease
-from rfgen_sionna.generative.motion.rotations import X, Y, Z, about, between, normalised
+from rfgen_sionna.generative.motion.rotations import X, Y, Z, about, basis, between, normalised, transpose
 from rfgen_sionna.generative.motion.skeleton import (
     FINGERS,
     JOINT,
+    NUM_BODY_JOINTS,
     PARENTS,
     SIDES,
     Skeleton,
     from_rest,
     side_sign,
+    soft_limit,
     two_bone,
 )
 
@@ -25,6 +28,10 @@ ARM_POLE = np.array([-1.0, 0.35, -0.6])
 """Default direction of the left elbow: back, slightly out and down; never along a hanging, lifted or stretched arm."""
 GESTURE_POLE = np.array([-0.35, 0.6, -1.0])
 """Direction of the left elbow while the hand works in front of the chest."""
+ANCHORS = ("floor", "pelvis", "chest", "head", "shoulder")
+"""Frames for the place of a hand; those of chest and shoulder have the axes of the chest."""
+_WRIST_REACH = np.radians([78.0, 68.0, 19.0])
+"""Pronation, flexion and deviation beyond which a hand that is aimed somewhere does not turn [rad]."""
 
 
 @dataclass
@@ -56,9 +63,12 @@ class Arm:
     pole: FloatArray
     """(n, 3) direction of the elbow."""
     target: FloatArray | None = None
-    """(n, 3) wrist position in the world [m]; replaces `direction` and `elbow` with weight `target_weight`."""
+    """(n, 3) wrist position in the frame of `anchor` [m], y outwards except on the floor; replaces `direction` and
+    `elbow` with weight `target_weight`."""
     target_weight: FloatArray | None = None
     """(n,) 0 .. 1."""
+    anchor: str = "floor"
+    """One of `ANCHORS`: "floor" for the world, "chest" for the middle between the shoulders."""
 
 
 @dataclass
@@ -75,6 +85,9 @@ class Hand:
     """(n, 5, 3) flexion of the joints of `FINGERS`, from the knuckle outwards."""
     spread: FloatArray
     """(n, 5) sideways at the knuckle, towards the thumb positive."""
+    aim: FloatArray | None = None
+    """(n, 2, 3) directions of the fingers and of the palm in the axes of the chest, y outwards; replaces the angles of
+    the wrist as far as it reaches, with the weight of the arm's target."""
 
 
 class MotionTracks:
@@ -144,8 +157,9 @@ class MotionTracks:
         toes = heading @ about(-Y, foot.pitch * follow)
         return ankle, rotation, toes
 
-    def solve(self) -> tuple[FloatArray, FloatArray]:
-        """(n, 52, 3, 3) world rotations relative to the T-pose and (n, 52, 3) joint positions [m]."""
+    def solve(self, *, fingers: bool = True) -> tuple[FloatArray, FloatArray]:
+        """(n, 52, 3, 3) world rotations relative to the T-pose and (n, 52, 3) joint positions [m]; without `fingers`
+        those of the first 22 joints, with hands in line with the forearms."""
         sk, n = self.skeleton, self.n
         g = np.empty((n, len(PARENTS), 3, 3))
         p = np.empty((n, len(PARENTS), 3))
@@ -168,8 +182,13 @@ class MotionTracks:
         for i, side in enumerate(SIDES):
             self._solve_leg(side, g, p, place)
             self._solve_arm(i, side, g, p, place)
-            self._solve_hand(side, g, place)
-        return g, p
+            if fingers:
+                self._solve_hand(side, g, place)
+        if fingers:
+            return g, p
+        for side in SIDES:
+            g[:, JOINT[f"{side}_wrist"]] = g[:, JOINT[f"{side}_elbow"]]
+        return g[:, :NUM_BODY_JOINTS], p[:, :NUM_BODY_JOINTS]
 
     def _solve_leg(self, side: str, g: FloatArray, p: FloatArray, place: Callable[..., None]) -> None:
         sk, i = self.skeleton, SIDES.index(side)
@@ -197,20 +216,27 @@ class MotionTracks:
         mirror = np.array([1.0, s, 1.0])
         chest = g[:, JOINT["spine3"]]
         direction = normalised(clear_of_body(arm.direction, sk.arm_slope) * mirror)
-        pole = arm.pole * mirror
+        weight = np.zeros(self.n) if arm.target is None else np.ones(self.n)
+        weight = weight if arm.target_weight is None else arm.target_weight
         place(f"{side}_collar")
+        still = p[:, collar] + chest @ sk.offsets[shoulder]  # the shoulder of a collar at rest
+        goal = self._target(arm, mirror, g, p, still)
+        toward = direction
+        if goal is not None:
+            toward = slerp(direction, np.einsum("nji,nj->ni", chest, goal - still), weight)
+            toward = normalised(toward)
         # scapular rhythm: the collar follows an arm above the horizontal, and forwards
-        raised = np.arccos(np.clip(-direction[:, 2], -1.0, 1.0))
+        raised = np.arccos(np.clip(-toward[:, 2], -1.0, 1.0))
         lift = 0.25 * np.logaddexp(0.0, 4.0 * (raised - 1.1)) / 4.0 + self.shrug[:, i]
-        forward = 0.15 * direction[:, 0] * np.sin(raised) ** 2
+        forward = 0.15 * toward[:, 0] * np.sin(raised) ** 2
         g[:, collar] = chest @ about(X, s * lift) @ about(Z, -s * forward)
         place(f"{side}_shoulder")
         a, b = sk.length(f"{side}_elbow"), sk.length(f"{side}_wrist")
         reach = np.sqrt(a * a + b * b + 2.0 * a * b * np.cos(arm.elbow))
-        target = p[:, shoulder] + np.einsum("nij,nj->ni", chest, direction * reach[:, None])
-        if arm.target is not None:
-            w = np.ones(self.n) if arm.target_weight is None else arm.target_weight
-            target = target + w[:, None] * (arm.target - target)
+        way = np.einsum("nij,nj->ni", chest, direction * reach[:, None])
+        if goal is not None:
+            way = slerp(way, goal - (still if arm.anchor == "shoulder" else p[:, shoulder]), weight)
+        target, pole = p[:, shoulder] + way, arm.pole * mirror
         middle, upper, fore = two_bone(p[:, shoulder], target, np.einsum("nij,nj->ni", chest, pole), a, b)
         u0 = normalised(sk.offsets[elbow])
         g[:, shoulder] = from_rest(upper, u0, -X)
@@ -218,14 +244,43 @@ class MotionTracks:
         p[:, elbow] = middle
         place(f"{side}_wrist")
 
+    def _target(
+        self, arm: Arm, mirror: FloatArray, g: FloatArray, p: FloatArray, shoulder: FloatArray
+    ) -> FloatArray | None:
+        """(n, 3) place of the wrist in the world [m]."""
+        if arm.target is None or arm.anchor == "floor":
+            return arm.target
+        sk, chest = self.skeleton, JOINT["spine3"]
+        joint = {"pelvis": 0, "head": JOINT["head"]}.get(arm.anchor, chest)
+        origin = p[:, joint]
+        if arm.anchor == "shoulder":
+            origin = shoulder
+        elif arm.anchor == "chest":
+            both = [sk.offsets[JOINT[f"{s}_collar"]] + sk.offsets[JOINT[f"{s}_shoulder"]] for s in SIDES]
+            origin = origin + g[:, chest] @ np.mean(both, axis=0)
+        return origin + np.einsum("nij,nj->ni", g[:, joint], arm.target * mirror)
+
+    def _aimed(self, side: str, g: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(n,) pronation, flexion and deviation [rad] of a hand that is aimed somewhere, as far as the wrist
+        reaches."""
+        hand, arm, s = self.hands[side], self.arms[side], side_sign(side)
+        own = np.stack([hand.pronation, hand.flexion, hand.deviation], axis=-1)
+        if hand.aim is None:
+            return hand.pronation, hand.flexion, hand.deviation
+        frames = g[:, JOINT["spine3"]] @ basis(*np.moveaxis(hand.aim * [1.0, s, 1.0], 1, 0))
+        turned = transpose(g[:, JOINT[f"{side}_elbow"]]) @ from_rest(frames, s * Y, -Z)
+        angles = Rotation.from_matrix(turned).as_euler("YXZ") * [1.0, -s, -s]
+        angles = np.sign(angles) * soft_limit(np.abs(angles), _WRIST_REACH, 0.3)
+        weight = np.ones(self.n) if arm.target_weight is None else arm.target_weight
+        mixed: FloatArray = own + weight[:, None] * (angles - own)
+        return mixed[:, 0], mixed[:, 1], mixed[:, 2]
+
     def _solve_hand(self, side: str, g: FloatArray, place: Callable[..., None]) -> None:
         sk, s, hand = self.skeleton, side_sign(side), self.hands[side]
         wrist = JOINT[f"{side}_wrist"]
+        pronation, flexion, deviation = self._aimed(side, g)
         g[:, wrist] = (
-            g[:, JOINT[f"{side}_elbow"]]
-            @ about(Y, hand.pronation)
-            @ about(-s * X, hand.flexion)
-            @ about(-s * Z, hand.deviation)
+            g[:, JOINT[f"{side}_elbow"]] @ about(Y, pronation) @ about(-s * X, flexion) @ about(-s * Z, deviation)
         )
         for f, finger in enumerate(FINGERS):
             axis = thumb_axis(sk, side) if finger == "thumb" else -s * X
@@ -246,6 +301,22 @@ def clear_of_body(direction: FloatArray, slope: float) -> FloatArray:
     soft = 0.03
     aside = wanted + soft * np.logaddexp(0.0, (u[:, 1] - wanted) / soft)
     return np.stack([u[:, 0], u[:, 1] + hanging * (aside - u[:, 1]), u[:, 2]], axis=-1)
+
+
+def slerp(a: FloatArray, b: FloatArray, weight: FloatArray) -> FloatArray:
+    """(n, 3) from `a` (`weight` 0) to `b` (`weight` 1, (n,)) around the origin: directions along a great circle."""
+    long_a, long_b = (np.linalg.norm(v, axis=-1, keepdims=True) for v in (a, b))
+    u = a / np.maximum(long_a, 1e-9)
+    side = b / np.maximum(long_b, 1e-9)
+    cosine = np.clip(np.sum(u * side, axis=-1, keepdims=True), -0.999, 1.0)
+    angle = np.arccos(cosine) * weight[:, None]
+    turned = np.cos(angle) * u + np.sin(angle) * _perpendicular_or_none(side, u)
+    return turned * (long_a + weight[:, None] * (long_b - long_a))
+
+
+def _perpendicular_or_none(v: FloatArray, u: FloatArray) -> FloatArray:
+    rest = v - np.sum(v * u, axis=-1, keepdims=True) * u
+    return rest / np.maximum(np.linalg.norm(rest, axis=-1, keepdims=True), 1e-9)
 
 
 def thumb_axis(skeleton: Skeleton, side: str) -> FloatArray:
