@@ -16,6 +16,7 @@ from rfgen_sionna.generative.actor import DEFAULT_DURATION, Actor
 from rfgen_sionna.generative.clip_person import Clip, chosen_clip, person_with_clip, read_clip_prompt
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument
 from rfgen_sionna.generative.environment_setup import ImageOptions, chosen_source, set_up_environment
+from rfgen_sionna.generative.motion_sources import motion_source
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, check_seed
 from rfgen_sionna.generative.prompts.environment_prompt import (
     NOWHERE,
@@ -25,7 +26,6 @@ from rfgen_sionna.generative.prompts.environment_prompt import (
     split_source,
     with_source,
 )
-from rfgen_sionna.generative.prompts.prompt_reader import motion_source
 from rfgen_sionna.generative.radar_placement import place_before_radar
 from rfgen_sionna.generative.several_actors import PromptedActors, actors_from_prompt, actors_report, read_prompts
 from rfgen_sionna.generative.things.thing_catalogue import bounces_of

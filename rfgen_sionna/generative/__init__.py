@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from rfgen_sionna.generative.bodies import Phenotype
     from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
     from rfgen_sionna.generative.motion_library import MotionLibrary
-    from rfgen_sionna.generative.prompts import parse_environment, parse_prompt
+    from rfgen_sionna.generative.prompts import parse_environment, read_prompt
 
 _HOME = {
     "DEFINED_ACTIONS": "action_definitions", "check": "action_definitions", "is_true_of": "action_definitions",
     "ACTIONS": "motion", "Actor": "actor", "KinematicSource": "motion", "MotionLibrary": "motion_library",
-    "MotionSource": "motion",    "Phenotype": "bodies", "parse_environment": "prompts", "parse_prompt": "prompts",
+    "MotionSource": "motion",    "Phenotype": "bodies", "parse_environment": "prompts", "read_prompt": "prompts",
 }  # fmt: skip
 
 __all__ = [
@@ -33,7 +33,7 @@ __all__ = [
     "check",
     "is_true_of",
     "parse_environment",
-    "parse_prompt",
+    "read_prompt",
 ]
 
 

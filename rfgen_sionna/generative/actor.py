@@ -32,6 +32,7 @@ from rfgen_sionna.generative.motion import MotionSource
 from rfgen_sionna.generative.motion.importers import MOTION_SUFFIXES, load_any_motion
 from rfgen_sionna.generative.motion.joint_recording import record_joints
 from rfgen_sionna.generative.motion.joint_smoothing import LONGEST_GAP
+from rfgen_sionna.generative.motion_sources import check_source, motion_source
 from rfgen_sionna.generative.person_decisions import (
     material_decision,
     motion_decision,
@@ -39,7 +40,7 @@ from rfgen_sionna.generative.person_decisions import (
     vital_signs_of,
 )
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, ScenePrompt, check_seed
-from rfgen_sionna.generative.prompts.prompt_reader import check_source, motion_source, read_prompt
+from rfgen_sionna.generative.prompts.prompt_reader import read_prompt
 from rfgen_sionna.generative.prompts.thing_prompt import ThingPrompt
 from rfgen_sionna.generative.radar_placement import check_walk_path, place_before_radar, walk_back
 from rfgen_sionna.generative.things.prompted_thing import prompted_thing
@@ -164,7 +165,7 @@ class Actor(MeshActor):
         if isinstance(prompt, ScenePrompt):
             said = prompt
         else:
-            said = read_prompt(prompt, negative, seed=seed, source=source)
+            said = read_prompt(prompt, negative, seed=seed)
             for sentence in said.warnings:
                 _LOG.warning(sentence)
         if isinstance(said, ThingPrompt):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
+from dataclasses import asdict, replace
 from os import PathLike, sep
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,13 +13,12 @@ import numpy as np
 from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.bodies import Phenotype, describe
 from rfgen_sionna.generative.decisions import Decision, argument
+from rfgen_sionna.generative.manner import Manner
+from rfgen_sionna.generative.motion_sources import SOURCES
 from rfgen_sionna.generative.person_decisions import prompt_decisions, vital_signs_of
-from rfgen_sionna.generative.prompts.person_prompt import SourceReading, parse_prompt
-from rfgen_sionna.generative.prompts.phrases import read_wanted
+from rfgen_sionna.generative.prompts.person_prompt import read_person
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.prompts.prompt_reader import SOURCES
-from rfgen_sionna.generative.prompts.scene_prompt import CLIP, DEFAULT_DISTANCE, ScenePrompt
-from rfgen_sionna.generative.prompts.text_reader import split_negative
+from rfgen_sionna.generative.prompts.scene_prompt import DEFAULT_DISTANCE, ScenePrompt
 from rfgen_sionna.generative.radar_placement import place_before_radar
 from rfgen_sionna.records import Motion
 
@@ -80,21 +79,14 @@ def read_clip_prompt(prompt: str, negative: str, seed: int, clip: Clip) -> Scene
     Raises
     ------
     PromptError
-        As :func:`~rfgen_sionna.generative.prompts.parse_prompt`, and for a speed, which a clip has itself.
+        As :func:`~rfgen_sionna.generative.prompts.person_prompt.read_person`, and for a manner: a clip has its own.
     """
     name = clip_name(clip)
-    said = parse_prompt(prompt, negative, seed=seed, reading=SourceReading(f"{CLIP}{name}", argument("motion")))
-    read = read_wanted(split_negative(prompt)[0])
-    if said.speed is not None:
-        words = ", ".join(repr(words) for words, _ in read.speeds)
-        raise PromptError(
-            f"speed: the prompt says {words}, but motion is the clip '{name}', which has its own: leave the words out"
-        )
-    actions = {words for words, _ in (*read.actions, *read.hands)}
-    notes = tuple(
-        f"prompt: {words!r} has no effect: motion is the clip '{name}'" for words in said.unused if words in actions
-    )
-    return replace(said, notes=notes, unused=tuple(words for words in said.unused if words not in actions))
+    said = read_person(prompt, negative, seed=seed, clip=name)
+    if said.manner != Manner():
+        given = [field for field, value in asdict(said.manner).items() if value not in (None, False)]
+        raise PromptError(f"{given[0]}: the prompt gives it, but the clip '{name}' has its own: leave the words out")
+    return said
 
 
 def person_with_clip(

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rfgen_sionna.generative.prompts.body_prompt import BodyPrompt
     from rfgen_sionna.generative.prompts.environment_prompt import EnvironmentPrompt, parse_environment
-    from rfgen_sionna.generative.prompts.person_prompt import parse_prompt
     from rfgen_sionna.generative.prompts.prompt_error import PromptError
     from rfgen_sionna.generative.prompts.prompt_reader import read_prompt
     from rfgen_sionna.generative.prompts.scene_prompt import (
@@ -27,7 +26,7 @@ _HOME = {
     "BodyPrompt": "body_prompt", "CLIP": "scene_prompt", "DECIDED": "scene_prompt", "DEFAULT_DISTANCE": "scene_prompt",
     "EnvironmentPrompt": "environment_prompt", "PromptError": "prompt_error", "ScenePrompt": "scene_prompt",
     "ThingPrompt": "thing_prompt", "check_seed": "scene_prompt", "parse_environment": "environment_prompt",
-    "parse_prompt": "person_prompt", "read_prompt": "prompt_reader",
+    "read_prompt": "prompt_reader",
 }  # fmt: skip
 
 __all__ = [
@@ -41,7 +40,6 @@ __all__ = [
     "ThingPrompt",
     "check_seed",
     "parse_environment",
-    "parse_prompt",
     "read_prompt",
 ]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 
+from rfgen_sionna.generative.prompts.human_nouns import PERSON, PLURAL
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.text_reader import compile_pattern, normalise, number, split_negative
-from rfgen_sionna.generative.prompts.vocabulary import PERSON, PLURAL
 from rfgen_sionna.generative.things.thing_catalogue import THINGS
 
 MOST = 6

@@ -6,23 +6,15 @@ The seed draws a value of a class ("tall", "elderly"); a negative prompt exclude
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from rfgen_sionna.generative.decisions import NEGATIVE, PROMPT, drawn
+from rfgen_sionna.generative.prompts.human_nouns import ADULT, NOUN_TRAITS, PERSON
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.prompts.text_reader import Reader, compile_pattern, number
-from rfgen_sionna.generative.prompts.vocabulary import (
-    AGE_PATTERN,
-    HEIGHT_PATTERNS,
-    KILOGRAMS,
-    METRES,
-    PERSON,
-    WEIGHT_PATTERN,
-)
+from rfgen_sionna.generative.prompts.text_reader import Reader, compile_pattern
 
 TRAITS = ("gender", "age", "height", "weight", "muscle")
 
@@ -58,8 +50,6 @@ AGES: Mapping[str, Range] = {
 }
 """Class -> age [years]."""
 
-ADULT = frozenset({"young adult", "middle-aged", "elderly"})
-
 HEIGHTS: Mapping[str | None, Mapping[str, Range]] = {
     "male": {"short": (1.60, 1.67), "average height": (1.70, 1.81), "tall": (1.84, 1.94)},
     "female": {"short": (1.48, 1.55), "average height": (1.58, 1.68), "tall": (1.71, 1.80)},
@@ -76,17 +66,6 @@ GENDERS = ("female", "male")
 
 _Words = tuple[tuple[str, frozenset[str], str], ...]
 
-NOUNS: _Words = (
-    ("gender", frozenset({"male"}), r"man|gentleman|guy|boy|he|male"),
-    ("gender", frozenset({"female"}), r"woman|lady|girl|she|female"),
-    ("age", ADULT, r"man|gentleman|guy|woman|lady|adult"),
-    ("age", frozenset({"child", "teenager"}), r"boy|girl"),
-    ("age", frozenset({"child"}), r"child|kid"),
-    ("age", frozenset({"teenager"}), r"teen|teenager"),
-    ("age", frozenset({"elderly"}), r"senior|elder"),
-)
-"""(trait, classes, nouns) of words for the target."""
-
 SIMPLE_NOUNS: _Words = (
     ("gender", frozenset({"male"}), r"m[ae]n|gentlem[ae]n|guys?"),
     ("gender", frozenset({"female"}), r"wom[ae]n|lad(?:y|ies)"),
@@ -100,11 +79,10 @@ SIMPLE_NOUNS: _Words = (
 _PHRASES: _Words = (
     ("gender", frozenset({"male"}), r"male|masculine"),
     ("gender", frozenset({"female"}), r"female|feminine"),
-    ("age", frozenset({"teenager"}), r"teenaged?|adolescent"),
+    ("age", frozenset({"teenager"}), r"teenaged?"),
     ("age", frozenset({"young adult"}), r"young adult"),
     ("age", frozenset({"middle-aged"}), r"middle aged"),
     ("age", frozenset({"elderly"}), r"elderly"),
-    ("age", ADULT, r"grown ?up"),
     ("height", frozenset({"average height"}), r"(?:of )?<a>(?:average|medium|normal) height"),
     ("weight", frozenset({"average weight"}), r"(?:of )?<a>(?:average|medium|normal) weight"),
     ("weight", frozenset({"heavy"}), r"heavy ?set|overweight|obese|chubby|stocky|corpulent"),
@@ -119,7 +97,7 @@ _ADJECTIVES: _Words = (
     ("age", frozenset({"elderly"}), r"old|senior"),
     ("age", frozenset({"child", "teenager", "young adult"}), r"young"),
     ("age", ADULT, r"adult"),
-    ("height", frozenset({"short"}), r"short|petite"),
+    ("height", frozenset({"short"}), rf"short|petite|(?:small|little)(?= (?:[a-z]+ ){{0,2}}?{PERSON}(?!\w))"),
     ("height", frozenset({"tall"}), r"tall"),
     ("weight", frozenset({"slim"}), r"thin|lean"),
     ("weight", frozenset({"heavy"}), r"heavy|fat|stout|plump"),
@@ -128,41 +106,14 @@ _ADJECTIVES: _Words = (
 )
 """Words that describe a body before a person, after "is" or alone between commas, unlike "short steps"."""
 
-_LIMITS: Mapping[str, tuple[float, float, str]] = {
-    "height": (0.9, 2.2, "m"),
-    "weight": (12.0, 200.0, "kg"),
-    "age": (4.0, 90.0, "years"),
-}
-"""Trait -> bounds of its number, and unit: within anny's reach."""
-
 
 class BodyWords:
-    """Classes and numbers of traits in a text."""
+    """Classes of traits in a text."""
 
     def __init__(self) -> None:
         self.classes: dict[str, list[tuple[str, frozenset[str]]]] = {}
         self.values: dict[str, tuple[str, float]] = {}
-
-    def read_numbers(self, reader: Reader) -> None:
-        """Take height, weight and age given as numbers."""
-        for pattern in HEIGHT_PATTERNS:
-            for m in reader.take(pattern):
-                self.take_value(reader, m, "height", number(m["value"]) * METRES[m["unit"][0]])
-        for m in reader.take(WEIGHT_PATTERN):
-            self.take_value(reader, m, "weight", number(m["value"]) * KILOGRAMS[m["unit"][0]])
-        for m in reader.take(AGE_PATTERN):
-            self.take_value(reader, m, "age", number(m["value"] or m["value2"]))
-
-    def take_value(self, reader: Reader, match: re.Match[str], trait: str, value: float) -> None:
-        """Take the number of a trait, in the unit of its limits; PromptError if out of range or if there are two."""
-        low, high, unit = _LIMITS[trait]
-        value = round(value, 3)
-        if not low <= value <= high:
-            raise PromptError(f"{trait}: {match.group()!r} is {value:g} {unit}; allowed are {low:g} to {high:g} {unit}")
-        phrase, known = self.values.setdefault(trait, (match.group(), value))
-        if known != value:
-            raise PromptError(f"{trait}: the prompt names two values, {phrase!r} and {match.group()!r}")
-        reader.note(match, f"{trait} {value:g} {unit}")
+        """Trait -> (phrase, number) of :mod:`.quantities`."""
 
     def read_adjectives(self, reader: Reader) -> None:
         """Take the adjectives, before their nouns are taken."""
@@ -184,7 +135,7 @@ class BodyWords:
     def read_noun(self, phrase: str) -> str:
         """Add the classes of the word for the target; returns them as text for the report."""
         said = []
-        for trait, classes, nouns in NOUNS:
+        for trait, classes, nouns in NOUN_TRAITS:
             if compile_pattern(nouns).search(phrase):
                 self.classes.setdefault(trait, []).append((phrase, classes))
                 said.append(f", {trait}: {' or '.join(sorted(classes))}")
@@ -209,7 +160,6 @@ def draw_body(wanted: BodyWords, unwanted: BodyWords, seed: int) -> tuple[BodyPr
     def draw(trait: str, ranges: Mapping[str, Range], digits: int = 2) -> float | None:
         allowed = _allowed(trait, ranges, wanted, unwanted)
         if trait in wanted.values:
-            origins[trait] = PROMPT
             return _stated(trait, ranges, wanted, unwanted)
         if allowed is None:
             return None

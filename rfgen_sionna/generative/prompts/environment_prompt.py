@@ -19,7 +19,7 @@ PLACE_PATTERNS = {
     "bedroom": r"bed ?room|sleeping room|room to sleep in",
     "office": r"office(?: room)?|work ?room|study",
     "lab": r"(?:(?:research|science) )?lab(?:oratory)?",
-    "corridor": r"corridor|hallway|passage(?:way)?|long hall",
+    "corridor": r"corridor|hallway|passage(?:way)?|(?:long |entrance )?hall",
     "classroom": r"class ?room|lecture room|school ?room",
     "garage": r"(?:(?:car|workshop) )?garage",
     "playground": r"(?:children )?play ?ground|play area",

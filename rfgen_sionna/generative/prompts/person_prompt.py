@@ -1,80 +1,65 @@
-"""Interpretation of prompts: target, action, orientation, distance, body, surroundings.
-
-A pattern of :mod:`.vocabulary` reads a phrase, or the phrase is reported as not understood. The seed draws one of the
-options that the words leave open ("raises an arm") and the negative prompt allows.
-"""
+"""Prompts about a person: who does what, where and how; the seed draws what the words leave open."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.generative.decisions import DEFAULT, NEGATIVE, PROMPT, drawn
+from rfgen_sionna.generative.decisions import DEFAULT, NEGATIVE, PROMPT, argument, drawn
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.motion.kinematic import preferred_hand
+from rfgen_sionna.generative.prompts.action_choice import ActionChoice, choose_action, named_actions
 from rfgen_sionna.generative.prompts.body_prompt import draw_body
+from rfgen_sionna.generative.prompts.clauses import ARMS
 from rfgen_sionna.generative.prompts.environment_prompt import split_keyword
-from rfgen_sionna.generative.prompts.phrases import Phrases, read_unwanted, read_wanted
+from rfgen_sionna.generative.prompts.person_words import PersonWords, read_unwanted, read_wanted
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.quantities import (
+    AGE,
+    AZIMUTH,
+    BREATHING,
+    DISTANCE,
+    HEART,
+    HEIGHT,
+    ORIENTATION,
+    RATE,
+    SPEED,
+    WEIGHT,
+)
 from rfgen_sionna.generative.prompts.scene_prompt import CLIP, ScenePrompt, check_seed
 from rfgen_sionna.generative.prompts.text_reader import negation_in, split_negative
+from rfgen_sionna.generative.prompts.vocabulary import WAYS as WAY_ANGLES
+from rfgen_sionna.generative.repertoire import WAYS
 
-T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class SourceReading:
-    """Interpretation of a prompt by a motion source, for prompts without a single action of the grammar."""
-
-    action: str
-    origin: str
-    """Origin of the action."""
-    arms: str = ""
-    """Action of the arms; empty for the same one."""
-    arms_origin: str = ""
-    """Origin of the action of the arms."""
-    sentence: str = ""
-    """Sentence for the source; empty if the name of the action suffices."""
-    avoid: str = ""
-    """Negative sentence for the source."""
-    read: frozenset[str] = frozenset()
-    """Phrases that the source understands and the grammar does not."""
-    notes: tuple[str, ...] = ()
-    """Warnings about replaced actions."""
+_ONE_HANDED = frozenset({"drink", "phone", "point", "punch", "put_down", "reach", "throw", "wash_window", "wave"})
+"""Actions of clips with one hand, beside those of the rules."""
+_BACKWARDS = frozenset({"walk_backwards", "run_backwards", "fall_backward"})
+_SIDEWAYS = frozenset({"sidestep", "fall_sideways"})
+_GESTURES = frozenset({"push", "pull", "throw", "point", "reach"})
+"""Actions whose "towards the radar" is the way of the hand."""
+_WALKS = {"straight": "walk_straight", "to_and_fro": "walk_to_and_fro", "circle": "walk_in_a_circle", "loop": "walk"}
+"""Way -> action of a walk."""
 
 
-class UnreadActionError(PromptError):
-    """The grammar finds no single action; a motion source may."""
-
-    def __init__(self, problem: str, advice: str) -> None:
-        super().__init__(f"{problem}; {advice}")
-        self.problem = problem
-        """The message without the advice."""
-
-
-def parse_prompt(
-    prompt: str, negative: str = "", *, seed: int = 0, reading: SourceReading | None = None
-) -> ScenePrompt:
-    """Interpret a prompt and a negative prompt.
+def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "") -> ScenePrompt:
+    """Interpret a prompt about a person, and its negative prompt.
 
     Args:
         prompt: a sentence or keywords, such as "a tall man picks something up, facing left, at 2.5 m"; words after the
             keyword "negative:" join the negative prompt.
         negative: unwanted choices, such as "left arm", "facing away" or "child".
-        seed: seed of open choices.
-        reading: interpretation of the action by a motion source (:mod:`.prompt_reader`); None leaves the action
-            to the grammar.
+        seed: seed of open choices and of ranges.
+        clip: name of a clip that the person moves as; the actions of the prompt then have no effect.
 
     Raises:
-        UnreadActionError: no known target or action, or several actions.
-        PromptError: several targets, unknown surroundings, a negation, a number out of range, or a contradiction.
+        PromptError: nothing that can be done is near enough, several actions or persons, unknown surroundings, a
+            negation, a number out of range, or a contradiction.
         TypeError: a prompt is not a text.
         ValueError: the seed is invalid.
+        ImportError: the packages of the action reader are missing.
     """
     check_seed(seed)
     for name, text in (("prompt", prompt), ("negative", negative)):
@@ -89,154 +74,188 @@ def parse_prompt(
     )
     if denied.targets and not denied.reader.understood:
         raise PromptError(f"negative prompt: {denied.targets[0]!r} forbids the only target that is known, a person")
-    named = ("target", "action", "orientation", "distance", "azimuth", "speed", "surroundings")
-    origins = dict.fromkeys(named, PROMPT)
-    if not said.targets:
-        if reading is None and (said.unused or not (said.actions or said.breathing or said.heart)):
-            raise UnreadActionError(
-                f"target: {prompt!r} names none that is known{_rest(said)}", f"known: a person, {_examples()}"
-            )
-        origins["target"] = DEFAULT
-    options = _one_action(said, prompt) if reading is None else frozenset({reading.action})
-    allowed = [
-        a
-        for a in (ACTIONS if reading is None else options)
-        if a in options and not any(a in named for _, named in denied.actions)
-    ]
-    if not allowed:
-        raise PromptError(forbidden(negative, sorted(options), prompt))
-    action = allowed[int(np.random.default_rng([seed, 10]).integers(len(allowed)))]
-    if len(allowed) > 1:
-        origins["action"] = drawn(seed, allowed)
-    understood, unread = tuple(said.reader.understood), said.unused
-    if reading is not None:
-        origins |= {"action": reading.origin, "arms": reading.arms_origin}
-        understood, unread = _credited(said, reading)
-    # a source that reads the sentence reads its hands, too
-    by_source = reading is not None and bool(reading.sentence)
-    by_clip = action.startswith(CLIP)
-    if by_source or by_clip:
-        hand, origins["hand"], unused = None, DEFAULT, tuple(words for words, _ in said.hands if by_clip)
+    origins = {"target": PROMPT if said.targets else DEFAULT, "action": PROMPT}
+    forbidden = {phrase: named_actions(phrase) for phrase in denied.clauses()}
+    reader = said.reader
+    vital = {"breathing", "heart"} & reader.found.keys()
+    if clip:
+        notes = tuple(f"prompt: {phrase!r} has no effect: motion is the clip '{clip}'" for phrase in said.clauses())
+        choice, origins["action"] = ActionChoice((f"{CLIP}{clip}",)), argument("motion")
     else:
-        hand, origins["hand"], unused = _hand(said, denied, action, seed)
-    periodic = by_source or (not by_clip and ACTIONS[action].periodic)
-    orientation = _one("orientation", said.orientations, denied.orientations)
-    if orientation is None and any(angle == 0.0 for _, angle in denied.orientations):
-        # Facing the radar is the default: without it another orientation is drawn.
-        others = [a for a in (90.0, 180.0, 270.0) if all(a != angle for _, angle in denied.orientations)]
-        if not others:
-            raise PromptError(f"orientation: the negative prompt {negative!r} leaves none")
-        orientation = others[int(np.random.default_rng([seed, 11]).integers(len(others)))]
-        origins["orientation"] = drawn(seed, [f"{angle:g}°" for angle in others])
+        choice, notes = _chosen(said, prompt, bool(vital)), ()
+    mapped = dict(_on_the_way(each, said) for each in choice.options)
+    action, options = _draw("action", tuple(mapped), forbidden, seed, negative, prompt, origins)
+    path = mapped[action]
+    arms = ""
+    if choice.arms:
+        arms, _ = _draw("arms", choice.arms, forbidden, seed, negative, prompt, origins)
+    orientation = _orientation(said, denied, action, seed, origins)
+    hand, hands_lost = _hand(said, denied, arms or action, seed, origins)
+    for quantity in (HEIGHT, WEIGHT, AGE):
+        value = quantity.draw(reader, seed, origins)
+        if value is not None:
+            said.body.values[quantity.name] = reader.found[quantity.name][0][0], value
     body, from_words = draw_body(said.body, denied.body, seed)
-    distance, bearing = _one("distance", said.distances), _one("azimuth", said.bearings)
-    speed = _one("speed", said.speeds, denied.speeds)
-    surroundings = _one("surroundings", said.scenes, denied.scenes)
-    breathing, heart = _one("breathing", said.breathing), _one("heart", said.heart)
-    origins |= {name: PROMPT for name, value in (("breathing", breathing), ("heart", heart)) if value is not None}
-    values = (True, True, orientation, distance, bearing, speed, surroundings)
-    for name, value in zip(named, values, strict=True):
-        if value is None:
-            del origins[name]
+    values = {q.name: q.draw(reader, seed, origins) for q in (DISTANCE, AZIMUTH, SPEED, RATE, BREATHING, HEART)}
+    one = {name: _one(said, denied, name) for name in ("pace", "amplitude", "arm posture")}
+    surroundings = _surroundings(said, denied)
+    if surroundings is not None:
+        origins["surroundings"] = PROMPT
+    said_so = {"speed": one["pace"], "path": path} | {name: reader.one(name) for name in ("tired", "pauses")} | one
+    origins |= {name: PROMPT for name, value in said_so.items() if value is not None and name not in origins}
+    manner = Manner(
+        speed=one["pace"] if values["speed"] is None else None, speed_mps=values["speed"], amplitude=one["amplitude"],
+        rate=values["rate"], path=path, pauses="pauses" in reader.found, arm_posture=one["arm posture"],
+        tired="tired" in reader.found, hand=hand,
+    )  # fmt: skip
     return ScenePrompt(
-        text=prompt, negative=negative, seed=seed, action=action, choices=tuple(allowed), orientation_deg=orientation,
-        distance_m=distance, bearing_deg=bearing, body=body, manner=Manner(speed=speed, hand=hand),
-        surroundings=surroundings, breathing_rate=breathing, heart_rate=heart,
+        text=prompt, negative=negative, seed=seed, action=action, choices=options, orientation_deg=orientation,
+        distance_m=values["distance"], bearing_deg=values["azimuth"], body=body, manner=manner, arms=arms,
+        surroundings=surroundings, breathing_rate=values["breathing"], heart_rate=values["heart"], notes=notes,
         understood=(
-            *understood,
-            *((words, "repeated, as this action is") for words in said.repeated if periodic),
+            *reader.understood,
+            *(((choice.known, f"action {action}{f', arms {arms}' if arms else ''}"),) if choice.known else ()),
             *((words, f"not {meaning}") for words, meaning in denied.reader.understood),
+            *((words, f"not {' or '.join(sorted(named))}") for words, named in forbidden.items() if named),
         ),
         unused=(
-            *unread,
-            *(() if periodic else said.repeated),
-            *unused,
-            *(phrase for phrase in denied.unused if reading is None or phrase not in reading.read),
-        ), origins=origins | from_words, arms=reading.arms if reading else "",
-        sentence=reading.sentence if reading else "", avoid=reading.avoid if reading else "",
-        notes=reading.notes if reading else (),
+            *said.lost, *choice.lost, *hands_lost, *denied.lost,
+            *(phrase for phrase, named in forbidden.items() if not named),
+        ),
+        origins=origins | from_words,
     )  # fmt: skip
 
 
-def _credited(said: Phrases, reading: SourceReading) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
-    """Understood and unused phrases of a prompt with an action by a motion source."""
-    performed = {reading.action, reading.arms}
-    others = {words for words, named in said.actions if not named & {*performed, "standing"}}
-    meaning = f"action {reading.action}" + (f", arms {reading.arms}" if reading.arms else "")
-    # a source reads all words of its sentence; an action by name alone leaves other actions unused
-    kept = [(words, m) for words, m in said.reader.understood if words not in others or not m.startswith("action ")]
-    read = [phrase for phrase in said.unused if phrase in reading.read]
-    if reading.sentence:
-        read += sorted(others)
-    lost = () if reading.sentence else sorted(others)
-    unused = (*(phrase for phrase in said.unused if phrase not in reading.read), *lost)
-    return (*kept, *((phrase, f"{meaning}, read by the motion model") for phrase in read)), unused
+def _chosen(said: PersonWords, prompt: str, vital: bool) -> ActionChoice:
+    """Actions of the clauses; a person with nothing but vital signs or a posture of the arms stands."""
+    clauses = said.clauses()
+    if not clauses and (vital or "arm posture" in said.reader.found):
+        return ActionChoice(("standing",))
+    if not clauses:
+        raise PromptError(
+            f"action: {prompt!r} names none; say what the person does, such as 'walks back and forth', 'falls "
+            "backwards' or 'sits down'"
+        )
+    return choose_action(clauses, prompt)
 
 
-def _refuse_negation(text: str, read: Phrases, message: str) -> None:
+def _draw(
+    name: str, options: Sequence[str], forbidden: dict[str, frozenset[str]], seed: int, negative: str, prompt: str,
+    origins: dict[str, str],
+) -> tuple[str, tuple[str, ...]]:  # fmt: skip
+    """An option that the negative prompt allows, by the seed, and all of these."""
+    denied = frozenset[str]().union(*forbidden.values())
+    allowed = tuple(each for each in options if each not in denied)
+    if not allowed:
+        raise PromptError(
+            f"{name}: the negative prompt {negative!r} forbids {' and '.join(options)}, which {prompt!r} asks for"
+        )
+    origins[name] = origins.get(name, PROMPT) if len(allowed) == 1 else drawn(seed, allowed)
+    return allowed[int(np.random.default_rng([seed, 10]).integers(len(allowed)))], allowed
+
+
+def _on_the_way(action: str, said: PersonWords) -> tuple[str, str | None]:
+    """Action with the way over the floor that the words name, and that way."""
+    if action not in WAYS:
+        return action, None
+    path = said.way()
+    if path is None and "way" in said.reader.found:
+        path = "straight"
+    if path is not None and action in ("walk", "walk_straight", "walk_turn", *_WALKS.values()):
+        return _WALKS[path], path
+    return action, path
+
+
+def _orientation(
+    said: PersonWords, denied: PersonWords, action: str, seed: int, origins: dict[str, str]
+) -> float | None:
+    """Orientation [degrees] in the words, or left by the negative prompt."""
+    reader = said.reader
+    back = 180.0 if action in _BACKWARDS else 0.0
+    ways = reader.found.get("way", []) if action not in _GESTURES | _SIDEWAYS else []
+    for words, way in ways:
+        angle = (WAY_ANGLES[way] + back) % 360.0
+        reader.found.setdefault("orientation", []).append((words, (angle, angle)))
+        reader.understood.append((words, f"that way: orientation {angle:g}°"))
+    turned = ORIENTATION.draw(reader, seed, origins)
+    unwanted = {low % 360.0: words for words, (low, _) in denied.reader.found.get("orientation", [])}
+    if turned is not None:
+        if turned % 360.0 in unwanted:
+            raise PromptError(
+                f"orientation: the prompt asks for {reader.found['orientation'][0][0]!r}, the negative prompt forbids "
+                f"it ({unwanted[turned % 360.0]!r})"
+            )
+        return turned % 360.0
+    if 0.0 not in unwanted:
+        return None
+    others = [each for each in (90.0, 180.0, 270.0) if each not in unwanted]
+    if not others:
+        raise PromptError(f"orientation: the negative prompt {said.reader.said!r} leaves none")
+    origins["orientation"] = drawn(seed, [f"{each:g}°" for each in others])
+    return others[int(np.random.default_rng([seed, 11]).integers(len(others)))]
+
+
+def _hand(
+    said: PersonWords, denied: PersonWords, action: str, seed: int, origins: dict[str, str]
+) -> tuple[str | None, tuple[str, ...]]:
+    """Hand of an action, and words about hands without effect."""
+    words = dict(said.read_hands())
+    known = ACTIONS.get(action)
+    by_rules = known is not None and known.one_handed
+    if not by_rules and action not in _ONE_HANDED:
+        about_arms = action in ARMS or action.startswith(CLIP) or {"left", "right"} & set(action.split("_"))
+        return None, () if about_arms else tuple(words)
+    allowed = known.hands if known is not None and by_rules else ("left", "right")
+    hands = set(words.values())
+    if len(hands) > 1:
+        raise PromptError(f"hand: the prompt names several: {', '.join(map(repr, words))}")
+    hand = next(iter(hands), None)
+    forbidden = {each: phrase for phrase, each in denied.read_hands()}
+    sides = forbidden.keys() - {"both"}
+    if hand in forbidden or sides == {"left", "right"} or (sides and hand == "both"):
+        phrases = " and ".join(map(repr, forbidden.values()))
+        raise PromptError(f"hand: the negative prompt forbids {phrases}, which {action!r} is done with")
+    if hand in allowed:
+        origins["hand"] = PROMPT
+        return hand, ()
+    if len(sides) == 1:
+        origins["hand"] = NEGATIVE
+        return "right" if "left" in sides else "left", tuple(words)
+    if not by_rules:
+        return None, tuple(words)
+    origins["hand"] = drawn(seed)
+    return preferred_hand(action, seed), tuple(words)
+
+
+def _one(said: PersonWords, denied: PersonWords, name: str) -> Any:
+    """Value of a word for the manner; PromptError for several or a forbidden one."""
+    value = said.reader.one(name)
+    for words, unwanted in denied.reader.found.get(name, []):
+        if value is not None and value == unwanted:
+            raise PromptError(
+                f"{'speed' if name == 'pace' else name}: the prompt asks for {said.reader.found[name][0][0]!r}, the "
+                f"negative prompt forbids it ({words!r})"
+            )
+    return value
+
+
+def _surroundings(said: PersonWords, denied: PersonWords) -> str | None:
+    """Name of the surroundings."""
+    named = {scene: words for words, scene in said.scenes}
+    if len(named) > 1:
+        raise PromptError(
+            f"surroundings: the prompt names several: {', '.join(repr(words) for words, _ in said.scenes)}"
+        )
+    for words, scene in denied.scenes:
+        if scene in named:
+            raise PromptError(
+                f"surroundings: the prompt asks for {named[scene]!r}, the negative prompt forbids it ({words!r})"
+            )
+    return next(iter(named), None)
+
+
+def _refuse_negation(text: str, read: PersonWords, message: str) -> None:
     # The whole text: phrases contain negations ("picks up a box without bending"); "environment: nothing" is a place.
-    negation = negation_in(split_keyword(text)[0]) or negation_in(" , ".join(read.unused))
+    negation = negation_in(split_keyword(text)[0]) or negation_in(" , ".join(read.clauses()))
     if negation:
         raise PromptError(message.format(negation))
-
-
-def forbidden(negative: str, actions: Sequence[str], prompt: str) -> str:
-    """Message about actions of a prompt that its negative prompt forbids."""
-    return f"action: the negative prompt {negative!r} forbids {' and '.join(actions)}, which {prompt!r} asks for"
-
-
-def _one_action(said: Phrases, prompt: str) -> frozenset[str]:
-    """Action of a prompt, or the actions that it leaves open."""
-    named = list(said.actions)
-    if any("standing" not in options for _, options in named):
-        named = [n for n in named if "standing" not in n[1]]  # other actions include standing
-    if any("jumping_jacks" in options for _, options in named):
-        named = [n for n in named if n[1] != {"jump"}]
-    if not named and (said.breathing or said.heart):
-        return frozenset({"standing"})
-    if not named:
-        raise UnreadActionError(f"action: {prompt!r} names none that is known{_rest(said)}", f"known: {_examples()}")
-    if re.search(r"\bor\b", said.reader.text):
-        return frozenset().union(*(options for _, options in named))
-    options = frozenset(ACTIONS).intersection(*(options for _, options in named))
-    if not options:
-        words = ", ".join(repr(words) for words, _ in named)
-        raise UnreadActionError(
-            f"action: the prompt names several ({words})", 'name one, or join them with "or" to have one drawn'
-        )
-    return options
-
-
-def _hand(said: Phrases, denied: Phrases, action: str, seed: int) -> tuple[str | None, str, tuple[str, ...]]:
-    """Hand of a gesture, its origin, and words about hands without effect."""
-    if not ACTIONS[action].one_handed:
-        return None, DEFAULT, tuple(words for words, _ in said.hands)
-    hand = _one("hand", said.hands, denied.hands)
-    sides = {side for _, side in denied.hands} - {"both"}
-    if sides == {"left", "right"} or (sides and hand == "both"):
-        words = " and ".join(repr(words) for words, side in denied.hands if side in sides)
-        raise PromptError(f"hand: the negative prompt forbids {words}, which {action!r} is done with")
-    if hand in ACTIONS[action].hands:
-        return hand, PROMPT, ()
-    unused = tuple(words for words, _ in said.hands)
-    if len(sides) == 1:
-        return "right" if sides == {"left"} else "left", NEGATIVE, unused
-    return preferred_hand(action, seed), drawn(seed), unused
-
-
-def _one(name: str, said: list[tuple[str, T]], denied: Sequence[tuple[str, T]] = ()) -> T | None:
-    """Value of a quantity in a prompt; None without one, PromptError for several or a forbidden one."""
-    if len({value for _, value in said}) > 1:
-        raise PromptError(f"{name}: the prompt names several: {', '.join(repr(words) for words, _ in said)}")
-    for words, value in denied:
-        if said and value == said[0][1]:
-            raise PromptError(f"{name}: the prompt asks for {said[0][0]!r}, the negative prompt forbids it ({words!r})")
-    return said[0][1] if said else None
-
-
-def _rest(said: Phrases) -> str:
-    return f" (not understood: {', '.join(map(repr, said.unused))})" if said.unused else ""
-
-
-def _examples() -> str:
-    return ", ".join(action.description for action in ACTIONS.values())

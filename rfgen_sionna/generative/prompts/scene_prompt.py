@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rfgen_sionna._short_repr import ShortRepr
+from rfgen_sionna.generative.action_catalogue import ACTION_CLAUSES
 from rfgen_sionna.generative.decisions import DEFAULT, Decision, drawn, tabulate
 from rfgen_sionna.generative.manner import Manner
-from rfgen_sionna.generative.motion.actions import ACTIONS
 from rfgen_sionna.generative.prompts.body_prompt import BodyPrompt
 from rfgen_sionna.generative.prompts.environment_prompt import NOWHERE
 
@@ -88,14 +88,11 @@ class ScenePrompt(ShortRepr):
 
     def decisions(self) -> list[Decision]:
         """Decisions without a body: words, defaults and draws of the seed."""
-        known = ACTIONS.get(self.action)
-        action = f"{self.action}: {known.description if known else 'as captured people do it'}"
-        if self.action.startswith(CLIP):
-            action = self.action
+        action = self.action if self.action.startswith(CLIP) else f"{self.action}: {ACTION_CLAUSES[self.action]}"
         angle, bearing = self.orientation_deg or 0.0, self.bearing_deg or 0.0
         rows = [("target", f"a {self.target}"), ("action", action)]
         if self.arms:
-            rows.append(("arms", f"{self.arms}: {ACTIONS[self.arms].description}"))
+            rows.append(("arms", f"{self.arms}: {ACTION_CLAUSES[self.arms]}"))
         if self.hand is not None:
             rows.append(("hand", self.hand))
         for name, rate in (("breathing", self.breathing_rate), ("heart", self.heart_rate)):
@@ -105,7 +102,8 @@ class ScenePrompt(ShortRepr):
             ("orientation", f"{angle:g}°{_FACING.get(angle, '')}"),
             ("distance", f"{DEFAULT_DISTANCE if self.distance_m is None else self.distance_m:g} m"),
             ("azimuth", f"{bearing:g}°{'' if bearing else ', straight ahead'}"),
-            ("speed", f"× {1.0 if self.speed is None else self.speed:g}"),
+            ("speed", f"× {self.speed or 1.0:g}" if self.speed_mps is None else f"{self.speed_mps:g} m/s"),
+            *self._manner_rows(),
             ("surroundings", self.surroundings or NOWHERE),
         ]
         found = [Decision(name, value, self.origins.get(name, DEFAULT)) for name, value in rows]
@@ -114,6 +112,19 @@ class ScenePrompt(ShortRepr):
             text = "open" if value is None else value if isinstance(value, str) else f"{value:g}{_UNITS[trait]}"
             found.append(Decision(trait, text, origin))
         return found
+
+    def _manner_rows(self) -> list[tuple[str, str]]:
+        """(decision, value) of a manner that words give, beside hand and speed."""
+        manner = self.manner
+        rows = [
+            ("amplitude", manner.amplitude and f"× {manner.amplitude:g}"),
+            ("rate", manner.rate and f"{manner.rate:g} a minute"),
+            ("path", manner.path and manner.path.replace("_", " ")),
+            ("pauses", manner.pauses and "with pauses"),
+            ("arm posture", manner.arm_posture and manner.arm_posture.replace("_", " ")),
+            ("tired", manner.tired and "yes"),
+        ]
+        return [(name, str(value)) for name, value in rows if value]
 
     def words(self) -> str:
         """Phrases and their meanings; several lines."""

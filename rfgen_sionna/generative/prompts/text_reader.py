@@ -1,7 +1,8 @@
 """Phrases of plain text: normalisation, numbers, negations, patterns over inflected words.
 
-Patterns are regular expressions with three abbreviations: `<verb>` for every inflection of a verb (`<swing|swung>` adds
-irregular forms), `<a>` for an optional article or possessive with its space, `<n>` for a number in digits or words.
+Patterns are regular expressions with four abbreviations: `<verb>` for every inflection of a verb (`<swing|swung>` adds
+irregular forms), `<a>` for an optional article or possessive with its space, `<n>` for a number in digits or words,
+`<r>` for a number or a range ("2 to 4", "between 2 and 4").
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ import re
 import unicodedata
 from collections.abc import Iterable
 from functools import cache
+from typing import Any
 
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.vocabulary import ROOM
 
 _NUMBER_WORDS = {
@@ -21,6 +24,16 @@ _NUMBER_WORDS = {
 _NUMBER = (
     r"(?:minus )?(?:\d{1,9}(?:\.\d+)?(?!\d)|half an?|(?:(?:twenty|thirty|forty|fifty|sixty|seventy|eighty|ninety) )?"
     rf"(?:one|two|three|four|five|six|seven|eight|nine)|{'|'.join(_NUMBER_WORDS)})(?: and an? half)?"
+)
+_TO = r"(?:up )?(?:to|until|till|through)"
+_RANGE = (
+    rf"(?:(?:anywhere |somewhere )?between {_NUMBER} and {_NUMBER}|(?:(?:anywhere |somewhere )?from )?{_NUMBER} {_TO} "
+    rf"{_NUMBER}|{_NUMBER})"
+)
+_LIMITS = re.compile(rf"(?:[a-z ]*?(?:between|from) )?(?P<low>{_NUMBER})(?: (?:and|{_TO}) (?P<high>{_NUMBER}))?")
+_UNIT_TWICE = (
+    re.compile(rf"\b(between|from) ({_NUMBER}) ([a-z]+) (and|to|until|till|through) ({_NUMBER}) \3\b"),
+    re.compile(rf"(?<![\w.])()({_NUMBER}) ([a-z]+) (to|until|till|through) ({_NUMBER}) \3\b"),
 )
 _ARTICLE = r"(?:(?:an?|the|one|either|his|her|their|its|my|your|some) )?"
 _VERB = re.compile(r"(?<!P)<([a-z]{2,}(?:\|[a-z]+)*)>")
@@ -53,7 +66,10 @@ _NO_NEGATION = (
     r"(?:bus|coach|door|full|pit|rest|school bus|taxi|train|tram|trolley|truck) stops?(?! [a-z]+ing)"
     r"|stop (?:buttons?|lamps?|lights?|lines?|signs?|watch(?:es)?)|non stop"
     r"|no (?:entry|frills|go|man land|parking|smoking|stopping|through|waiting)|never ending|forget me nots?"
-    r"|(?:without|with no) end"
+    r"|(?:without|with no) (?:end|pauses?|a pause|stopping|breaks?|a break)"
+    r"|(?:stopping|stops) (?:in between|between|now and|every|from time|occasionally"
+    r"|sometimes|repeatedly|several|on the way|at times)"
+    r"|(?:occasionally|sometimes|repeatedly|with (?:[a-z]+ )?) ?(?:stopping|stops)|stop and go"
     r"|(?:room|office|lab|laboratory|garage|corridor|street|field|study) used to (?!be\b|have\b|hold\b)[a-z]+"
     r"|(?:room|office|lab|laboratory|garage|street|number) no (?:, )?\d+|minus(?= <n>)"
 )
@@ -65,6 +81,16 @@ def number(text: str) -> float:
     words = [word for word in text.split() if word not in ("and", "a", "an")]
     sign = -1.0 if words[0] == "minus" else 1.0
     return sign * sum(_NUMBER_WORDS[w] if w in _NUMBER_WORDS else float(w) for w in words if w != "minus")
+
+
+def limits(text: str) -> tuple[float, float]:
+    """Bounds of a range, or twice a number: "2 to 4", "between 2 and 4", "2.5"."""
+    match = _LIMITS.fullmatch(text)
+    if match is None:
+        raise ValueError(f"{text!r} is neither a number nor a range")
+    low = number(match["low"])
+    high = number(match["high"]) if match["high"] else low
+    return min(low, high), max(low, high)
 
 
 def _inflect(match: re.Match[str]) -> str:
@@ -81,7 +107,7 @@ def _inflect(match: re.Match[str]) -> str:
 @cache
 def compile_pattern(pattern: str) -> re.Pattern[str]:
     """Compile a pattern with the abbreviations of this module; it matches whole words only."""
-    pattern = pattern.replace("<a>", _ARTICLE).replace("<n>", _NUMBER)
+    pattern = pattern.replace("<a>", _ARTICLE).replace("<n>", _NUMBER).replace("<r>", _RANGE)
     pattern = _VERB.sub(_inflect, pattern)
     return re.compile(rf"(?<![\w.])(?:{pattern})(?!\w)")
 
@@ -131,6 +157,7 @@ def normalise(text: str) -> str:
     text = re.sub(r"(\d)\s*[-–—−]\s*(?=\d)", r"\1 to ", text)
     text = re.sub(r"(^|\s)[-−](?=\d)", r"\1minus ", text)
     text = text.replace("°", " degrees ").replace("m/s", " mps ")
+    text = re.sub(r"\s*/\s*(min(?:ute)?|s(?:ec(?:ond)?)?|h(?:our)?)\b", r" per \1", text)
     text = _EITHER.sub("either", text)
     text = re.sub(r"n['’]t\b", " not", text)
     text = re.sub(r"['’]s\b", "", text)
@@ -138,7 +165,10 @@ def normalise(text: str) -> str:
     text = re.sub(r"[^\w., ]|_", " ", text)
     text = re.sub(r"(\d)([a-z])", r"\1 \2", text)
     text = re.sub(r"\b(\d{1,2}) (?:ft|feet|foot) (\d{1,2})(?: in(?:ch(?:es)?)?)?\b", _feet, text)
-    return " ".join(text.split())
+    text = " ".join(text.split())
+    for twice in _UNIT_TWICE:  # "2 m to 4 m"
+        text = " ".join(twice.sub(r"\1 \2 \4 \5 \3", text).split())
+    return text
 
 
 class Reader:
@@ -147,6 +177,26 @@ class Reader:
     def __init__(self, text: str) -> None:
         self.text = self.said = normalise(text)
         self.understood: list[tuple[str, str]] = []
+        self.found: dict[str, list[tuple[str, Any]]] = {}
+        """Name of a quantity -> (phrase, value)."""
+
+    def find(self, name: str, pattern: str, value: Any, meaning: str) -> bool:
+        """Take the phrases of a pattern as the `value` of a quantity; whether there are any."""
+        matches = self.take(pattern, meaning)
+        for match in matches:
+            self.found.setdefault(name, []).append((match.group(), value))
+        return bool(matches)
+
+    def one(self, name: str) -> Any:
+        """Value of a quantity; None without one.
+
+        Raises:
+            PromptError: there are several.
+        """
+        said = dict.fromkeys(self.found.get(name, []))
+        if len({value for _, value in said}) > 1:
+            raise PromptError(f"{name}: the prompt names several: {', '.join(repr(words) for words, _ in said)}")
+        return next((value for _, value in said), None)
 
     def take(self, pattern: str, meaning: str | None = None) -> list[re.Match[str]]:
         """Take every match of `pattern`, so that later calls skip it.
@@ -165,6 +215,10 @@ class Reader:
     def erase(self, start: int, end: int) -> None:
         """Take the characters from `start` to `end`, such as a group of a match."""
         self.text = self.text[:start] + _TAKEN * (end - start) + self.text[end:]
+
+    def restore(self, start: int, end: int) -> None:
+        """Give back the words from `start` to `end`."""
+        self.text = f"{self.text[: start - 1]} {self.said[start:end]} {self.text[end + 1 :]}"
 
     def note(self, match: re.Match[str], meaning: str) -> None:
         """Record the meaning of a phrase for the report."""

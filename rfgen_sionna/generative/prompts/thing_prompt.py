@@ -14,7 +14,17 @@ from rfgen_sionna.generative.decisions import DEFAULT, PROMPT, Decision, drawn
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.prompts import thing_words, vocabulary
 from rfgen_sionna.generative.prompts.environment_prompt import NOWHERE, read_scenes, refuse_unknown_place, split_keyword
+from rfgen_sionna.generative.prompts.human_nouns import PERSON
+from rfgen_sionna.generative.prompts.manner_prompt import PACES, REPEATED
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.quantities import (
+    ALTITUDE,
+    AZIMUTH,
+    DISTANCE,
+    ORIENTATION,
+    VEHICLE_SPEED,
+    read_lengths,
+)
 from rfgen_sionna.generative.prompts.scene_prompt import ScenePrompt
 from rfgen_sionna.generative.prompts.text_reader import (
     AFTERWARDS,
@@ -89,7 +99,7 @@ def read_thing(prompt: str, negative: str = "", *, seed: int = 0) -> ThingPrompt
 def _take_subject(reader: Reader) -> ThingKind | None:
     """Kind of the subject, whose words are taken."""
     attribute = compile_pattern(thing_words.ATTRIBUTES)
-    people = [m for m in compile_pattern(vocabulary.PERSON).finditer(reader.text) if not attribute.fullmatch(m.group())]
+    people = [m for m in compile_pattern(PERSON).finditer(reader.text) if not attribute.fullmatch(m.group())]
     found = [
         (m.start(), -m.end(), kind.name, m)
         for kind in THINGS.values()
@@ -128,41 +138,7 @@ class _Reading:
 
     def __init__(self, kind: ThingKind, reader: Reader, scenes: list[tuple[str, str]]) -> None:
         self.kind, self.reader, self.scenes = kind, reader, scenes
-        self.found: dict[str, list[tuple[str, object]]] = {}
-
-    def take(self, name: str, pattern: str, value: object, meaning: str) -> bool:
-        """Take the phrases of a pattern, which all have one value."""
-        matches = self.reader.take(pattern)
-        for match in matches:
-            self.found.setdefault(name, []).append((match.group(), value))
-            self.reader.note(match, meaning)
-        return bool(matches)
-
-    def numbers(self, name: str, pattern: str, unit: str) -> None:
-        """Take numbers in units of length or speed."""
-        for match in self.reader.take(pattern):
-            groups = match.groupdict()
-            value = number(groups.get("value") or groups["value2"])
-            of = groups.get("unit") or groups.get("unit2") or "m"
-            if unit == "m/s":
-                value *= next(per for start, per in thing_words.PER_UNIT.items() if of.startswith(start))
-            elif unit == "m":
-                value *= vocabulary.METRES[of[0]]
-            if value <= 0.0:
-                raise PromptError(f"{name}: {match.group()!r} is {value:g} {unit}; it must be positive")
-            self.found.setdefault(name, []).append((match.group(), value))
-            self.reader.note(match, f"{name} {value:.4g} {unit}")
-
-    def one(self, name: str) -> object | None:
-        """Value of a name; None without one.
-
-        Raises:
-            PromptError: there are several.
-        """
-        said = self.found.get(name, [])
-        if len({value for _, value in said}) > 1:
-            raise PromptError(f"{name}: the prompt names several: {', '.join(repr(words) for words, _ in said)}")
-        return said[0][1] if said else None
+        self.found, self.one = reader.found, reader.one
 
     def parameters(self) -> dict[str, float]:
         """Parameters of the kind by their patterns."""
@@ -194,22 +170,22 @@ class _Reading:
         """The interpreted prompt."""
         kind, reader = self.kind, self.reader
         values = self.parameters()
-        self.numbers("speed", thing_words.SPEED, "m/s")
-        for pattern in thing_words.HEIGHTS:
-            self.numbers("height", pattern, "m")
-        for pattern in (*vocabulary.DISTANCE_PATTERNS, vocabulary.BARE_LENGTH):
-            self.numbers("distance", pattern, "m")
-        self._bearings()
+        for quantity in (VEHICLE_SPEED, ALTITUDE):
+            quantity.read(reader)
+        read_lengths(reader, height=False)
+        AZIMUTH.read(reader)
         reader.take(vocabulary.IN_VIEW, "within the radar's view, where everything is")
         moves = [name for name, each in kind.actions.items() if each.speed > 0.0]
         ways = []
         for way, pattern in thing_words.MOVING_WAYS if moves else ():
-            if self.take("way", pattern, way, f"moves: {way}"):
+            if reader.find("way", pattern, way, f"moves: {way}"):
                 ways.append(way)
         self._actions()
-        if moves and "action" not in self.found and self.take("moves", thing_words.MOVE, True, "moves"):
+        if moves and "action" not in self.found and reader.find("moves", thing_words.MOVE, True, "moves"):
             ways.append("")
-        self._orientations()
+        ORIENTATION.read(reader)
+        for angle, pattern in vocabulary.ORIENTATION_PATTERNS:
+            reader.find("orientation", pattern, (angle, angle), f"orientation {angle:g}°")
         other = compile_pattern(thing_words.OTHER_WAYS).search(reader.text) if moves else None
         if other:
             raise PromptError(
@@ -218,16 +194,17 @@ class _Reading:
             )
         if moves:
             for way, pattern in thing_words.WAYS:
-                self.take("way", pattern, way, f"way {way}")
-        for factor, pattern in (*vocabulary.PACE_PATTERNS, *vocabulary.SPEED_PATTERNS):
-            self.take("pace", pattern, factor, f"speed × {factor:g}")
+                reader.find("way", pattern, way, f"way {way}")
+        for factor, pattern in PACES:
+            reader.find("pace", pattern, factor, f"speed × {factor:g}")
         self.scenes += read_scenes(reader)
         self.found["surroundings"] = list(self.scenes)
         refuse_unknown_place(reader)
-        reader.take(vocabulary.REPEATED, "repeated, as it is")
+        reader.take(REPEATED, "repeated, as it is")
         self._refuse_others()
-        speed, pace = self.one("speed"), self.one("pace")
-        action = self._action(prompt, bool(ways or speed is not None), None if speed is None else float(str(speed)))
+        named: dict[str, str] = {}
+        speed, pace = VEHICLE_SPEED.draw(reader, seed, named), self.one("pace")
+        action = self._action(prompt, bool(ways or speed is not None), speed)
         moving = kind.actions[action].speed > 0.0
         does = f"a {kind.name} that {kind.actions[action].description}"
         for name in ("way", "speed"):
@@ -238,39 +215,23 @@ class _Reading:
             raise PromptError(f"speed: {self.found['pace'][0][0]!r} has no effect on {does}")
         if {way for _, way in self.found.get("way", [])} > {"past"}:  # "passes to the left"
             self.found["way"] = [(words, way) for words, way in self.found["way"] if way != "past"]
-        numbers = {name: self.one(name) for name in ("distance", "azimuth", "orientation", "height")}
-        given = {name: None if value is None else float(str(value)) for name, value in numbers.items()}
-        named = {name: PROMPT for name, value in {**given, "speed": speed or pace}.items() if value is not None}
+        given = {q.name: q.draw(reader, seed, named) for q in (DISTANCE, AZIMUTH, ORIENTATION, ALTITUDE)}
+        turned = given["orientation"]
+        if pace is not None:
+            named["speed"] = PROMPT
         if self.scenes:
             named["surroundings"] = PROMPT
         named |= {"target": PROMPT, "action": PROMPT if self.found.get("action") or ways else DEFAULT}
         place = self.one("surroundings")
-        manner = Manner(*(None if value is None else float(str(value)) for value in (pace, speed)))
+        manner = Manner(speed=pace, speed_mps=speed)
         return ThingPrompt(
             text=prompt, negative="", seed=seed, action=action, target=kind.name, choices=(action,),
-            orientation_deg=given["orientation"], distance_m=given["distance"], bearing_deg=given["azimuth"],
-            manner=manner, surroundings=None if place is None else str(place),
+            orientation_deg=None if turned is None else turned % 360.0, distance_m=given["distance"],
+            bearing_deg=given["azimuth"], manner=manner, surroundings=None if place is None else str(place),
             understood=tuple(reader.understood), unused=reader.rest(vocabulary.FILLERS), origins=named,
             way=str(self.one("way") or ""),
             height_m=given["height"], values=values,
         )  # fmt: skip
-
-    def _bearings(self) -> None:
-        for pattern in vocabulary.BEARING_PATTERNS:
-            for match in self.reader.take(pattern):
-                angle = number(match["angle"]) * (-1.0 if match["side"] == "right" else 1.0) + 0.0
-                if not -90.0 <= angle <= 90.0:
-                    raise PromptError(f"azimuth: {match.group()!r} is {angle:g}°; allowed are -90° to 90°")
-                self.found.setdefault("azimuth", []).append((match.group(), angle))
-                self.reader.note(match, f"place at azimuth {angle:g}°")
-
-    def _orientations(self) -> None:
-        for match in [*self.reader.take(vocabulary.ORIENTATION_NUMBER), *self.reader.take(vocabulary.TURN_PATTERN)]:
-            angle = number(match["angle"]) * (-1.0 if match["side"] == "right" else 1.0) % 360.0
-            self.found.setdefault("orientation", []).append((match.group(), angle))
-            self.reader.note(match, f"orientation {angle:g}°")
-        for angle, pattern in vocabulary.ORIENTATION_PATTERNS:
-            self.take("orientation", pattern, angle, f"orientation {angle:g}°")
 
     def _actions(self) -> None:
         # longer phrases first: "stands up" is not "stands"
@@ -316,7 +277,7 @@ class _Reading:
 
     def _refuse_others(self) -> None:
         """Refuse a second target."""
-        patterns = [vocabulary.PERSON, *(each.nouns for each in THINGS.values())]
+        patterns = [PERSON, *(each.nouns for each in THINGS.values())]
         for pattern in patterns:
             for match in compile_pattern(pattern).finditer(self.reader.text):
                 if compile_pattern(thing_words.ATTRIBUTES).fullmatch(match.group()):

@@ -6,29 +6,6 @@
 from __future__ import annotations
 
 RADAR = r"<a>(?:radar|sensor|camera|device|antenna)"
-_ABOUT = r"(?:(?:about|around|roughly|approximately|some) )?"
-SPEED = (
-    rf"(?:(?:at|with|of) )?(?:<a>(?:speed|velocity|pace) of )?{_ABOUT}(?P<value><n>) (?P<unit>mps|m s|m per s(?:econd)?|"
-    r"met(?:re|er)s? (?:per|a|each) second|km ,? ?h|kmh|kph|km per hour|kilomet(?:re|er)s? (?:per|an) hour|mph|miles (?:per|an) hour)"
-)
-PER_UNIT = {
-    "mps": 1.0,
-    "m ": 1.0,
-    "me": 1.0,
-    "km": 1.0 / 3.6,
-    "kp": 1.0 / 3.6,
-    "ki": 1.0 / 3.6,
-    "mp": 0.44704,
-    "mi": 0.44704,
-}
-"""Beginning of a unit of speed -> metres per second."""
-_LENGTH = r"(?P<value><n>) (?P<unit>m|met(?:re|er)s?|cm|centimet(?:re|er)s?|feet|foot|ft)"
-HEIGHTS = (
-    rf"(?:at )?<a>(?:height|altitude)(?: of)? {_ABOUT}{_LENGTH}",
-    rf"(?:at )?{_ABOUT}{_LENGTH} (?:above|over|off|from) <a>(?:floor|ground)",
-    rf"(?:at )?{_ABOUT}{_LENGTH} (?:high(?: up)?|up|in the air|above ground)(?: in the air)?",
-)
-"""Height over the floor."""
 STRAIGHT = r"(?:(?:straight|right|directly|slowly|quickly|fast|forwards?) )*"
 MOVING_WAYS: tuple[tuple[str, str], ...] = (
     ("to", rf"<approach>(?: {RADAR})?|(?:<come|came>) (?:closer|nearer)(?: to {RADAR})?|<near> {RADAR}"),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.prompts.vocabulary import PERSON
+from rfgen_sionna.generative.prompts.human_nouns import PERSON
 from rfgen_sionna.generative.things.articulated import ArticulatedSequence, ThingPart
 from rfgen_sionna.generative.things.generalized_cylinders import TubePath, tube
 from rfgen_sionna.generative.things.part_motion import Curve, Rolling, Turning

@@ -1,0 +1,59 @@
+"""Motion sources by name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.scene_prompt import ScenePrompt
+
+SOURCES = ("kinematic", "diffusion", "auto")
+"""Names of motion sources."""
+
+
+def motion_source(name: str) -> MotionSource:
+    """Motion source of a name.
+
+    Args:
+        name: "kinematic", "diffusion", or "auto", the learned model if its packages are installed.
+
+    Raises:
+        ValueError: unknown name.
+        ImportError: packages of the learned model are missing.
+        FileNotFoundError: its weights are missing.
+    """
+    if name == "auto":
+        from rfgen_sionna.generative.environment_setup import missing_packages
+
+        name = "kinematic" if missing_packages() else "diffusion"
+    if name == "kinematic":
+        return KinematicSource()
+    if name == "diffusion":
+        try:
+            from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
+        except ImportError as error:
+            raise ImportError(
+                f"motion 'diffusion' needs {error.name}: pip install 'rfgen-sionna[diffusion]'"
+            ) from error
+        source = DiffusionSource()
+        _ = source.model
+        return source
+    raise ValueError(f"motion: {name!r}; allowed are 'kinematic', 'diffusion' and 'auto', or the path of a clip")
+
+
+def check_source(said: ScenePrompt, duration: float, source: MotionSource) -> None:
+    """Check that `source` can carry out an interpreted prompt for `duration` [s].
+
+    Raises:
+        PromptError: the rules of movement lack the action.
+        ValueError: the duration is not positive.
+    """
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise ValueError(f"duration: {duration!r} s; allowed is more than 0")
+    if isinstance(source, KinematicSource) and (said.action not in ACTIONS or said.arms):
+        done = said.action if said.action not in ACTIONS else f"{said.action} with {said.arms}"
+        raise PromptError(
+            f"motion: 'kinematic', the rules of movement alone, cannot do {done!r}; motion 'auto' takes captured "
+            "clips, too"
+        )

@@ -1,0 +1,92 @@
+"""Nouns for people: traits of the commonest, and a sentence encoder's judgement of all others."""
+
+# Tables of words.
+# ruff: noqa: ISC004
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cache
+
+ADULT = frozenset({"young adult", "middle-aged", "elderly"})
+_MALE, _FEMALE = frozenset({"male"}), frozenset({"female"})
+_CHILD, _OLD = frozenset({"child"}), frozenset({"elderly"})
+_YOUTH = frozenset({"child", "teenager"})
+
+NOUN_TRAITS: tuple[tuple[str, frozenset[str], str], ...] = (
+    ("gender", _MALE,
+     r"man|gentleman|guy|bloke|chap|dude|fellow|lad|boy|he|male|father|dad|daddy|papa|grandfather|grandpa|granddad"
+     r"|grandad|son|grandson|brother|uncle|nephew|husband|boyfriend|groom|widower|waiter|actor|king|prince|monk|priest"
+     r"|policeman|fireman|mailman|postman|workman|businessman|salesman|craftsman|handyman|schoolboy|cowboy|sportsman"
+     r"|cameraman|watchman|serviceman|stuntman"),
+    ("gender", _FEMALE,
+     r"woman|lady|girl|she|female|mother|mum|mummy|mom|mommy|mama|grandmother|grandma|granny|nan|nana|daughter"
+     r"|granddaughter|sister|aunt|auntie|niece|wife|girlfriend|bride|widow|waitress|actress|queen|princess|nun"
+     r"|ballerina|policewoman|businesswoman|saleswoman|housewife|schoolgirl|sportswoman|hostess|stewardess|midwife"),
+    ("age", ADULT,
+     r"man|gentleman|guy|bloke|chap|fellow|woman|lady|adult|grown ?up|father|dad|mother|mum|mom|husband|wife|waiter"
+     r"|waitress|doctor|nurse|driver|worker|officer|soldier|teacher|policeman|policewoman|fireman|firefighter|mailman"
+     r"|postman|workman|businessman|businesswoman|salesman|salesperson|janitor|cleaner|farmer|engineer|scientist"
+     r"|researcher|pilot|chef|cook|clerk|guard|mechanic|plumber|carpenter|electrician|professor|lecturer|employee"
+     r"|manager|boss|nun|monk|priest|operator|technician|surgeon|therapist|caregiver|carer|nanny"),
+    ("age", _YOUTH, r"boy|girl|pupil|schoolboy|schoolgirl|schoolchild|youngster"),
+    ("age", _CHILD, r"child|kid|toddler|baby|infant|preschooler|kindergartner|little one"),
+    ("age", frozenset({"teenager"}), r"teen|teenager|adolescent|youth"),
+    ("age", frozenset({"young adult"}), r"undergraduate"),
+    ("age", _OLD,
+     r"senior|elder|pensioner|retiree|grandfather|grandpa|granddad|grandad|grandmother|grandma|granny|nan|nana"
+     r"|grandparent|senior citizen|old timer"),
+)  # fmt: skip
+"""(trait, classes, nouns)."""
+_OTHERS = (
+    r"person|human(?: being)?|someone|somebody|individual|subject|pedestrian|patient|resident|participant|volunteer"
+    r"|user|visitor|guest|passenger|customer|client|student|player|athlete|dancer|boxer|fighter|gymnast|acrobat"
+    r"|runner|jogger|walker|hiker|climber|swimmer|skater|wrestler|footballer|goalkeeper|sprinter|trainer"
+    r"|burglar|thief|intruder|prisoner|victim|hero|clown|mime|ninja|yogi|zombie|wizard|neighbou?r|friend|colleague"
+    r"|roommate|housemate|stranger|bystander|commuter|shopper|tourist|traveller|traveler|speaker|singer|musician"
+    r"|artist|performer|actor|model|citizen|owner|tenant|inhabitant|occupant|cousin|sibling|relative|parent"
+    r""
+)
+"""Nouns without traits."""
+PERSON = rf"(?:{'|'.join(dict.fromkeys('|'.join((*(nouns for *_, nouns in NOUN_TRAITS), _OTHERS)).split('|')))})"
+"""Pattern of one person."""
+PLURAL = (
+    r"(?:persons|people|humans|individuals|subjects|pedestrians|men|women|guys|lads|ladies|gentlemen|adults|children"
+    r"|kids|boys|girls|toddlers|babies|teen(?:ager)?s|seniors|elders|pensioners|patients|residents|participants"
+    r"|volunteers|users|visitors|guests|passengers|customers|students|pupils|players|athletes|dancers|boxers|nurses"
+    r"|doctors|workers|soldiers|friends|colleagues|neighbou?rs|strangers|twins|brothers|sisters|parents|couple|crowd"
+    r"|group|family|team)"
+)
+"""Pattern of several people."""
+_HUMAN = (
+    "man woman worker nurse child athlete soldier grandmother farmer officer student musician visitor thief king "
+    "customer teenager engineer dancer neighbour"
+)
+_OTHER = (
+    "dog elephant robot machine computer truck chair tree bottle stone cloud house fish insect helicopter lamp ladder "
+    "ball shadow doll"
+)
+_NEAREST = 3
+"""Nouns of each kind that count."""
+
+
+@cache
+def is_human(noun: str) -> bool:
+    """Whether a noun means a person: it is nearer to such nouns than to animals and things, by the meaning of
+    :class:`.caption_encoder.CaptionEncoder`.
+
+    Raises:
+        ImportError: the packages of the encoder are missing.
+    """
+    import numpy as np
+
+    from rfgen_sionna.generative.prompts.caption_encoder import CaptionEncoder
+
+    def phrases(nouns: Iterable[str]) -> list[str]:
+        return [f"{'an' if each[0] in 'aeiou' else 'a'} {each}" for each in nouns]
+
+    humans, others = _HUMAN.split(), _OTHER.split()
+    vectors = CaptionEncoder().embed(phrases((noun, *humans, *others)))
+    near = vectors[1:] @ vectors[0]
+    human, other = (np.sort(part)[-_NEAREST:].mean() for part in (near[: len(humans)], near[len(humans) :]))
+    return bool(human > other)

@@ -1,0 +1,266 @@
+"""Words of a prompt about a person: who, where and how. The rest is the phrase of the action."""
+
+# Tables of patterns read best with one phrase to a line.
+# ruff: noqa: E501
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from rfgen_sionna.generative.prompts import vocabulary
+from rfgen_sionna.generative.prompts.body_prompt import SIMPLE_NOUNS, BodyWords
+from rfgen_sionna.generative.prompts.environment_prompt import read_scenes, refuse_unknown_place, split_keyword
+from rfgen_sionna.generative.prompts.human_nouns import PERSON, PLURAL, is_human
+from rfgen_sionna.generative.prompts.manner_prompt import PATHS, read_manner
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.quantities import (
+    AGE,
+    AZIMUTH,
+    BREATHING,
+    HEART,
+    HEIGHT,
+    ORIENTATION,
+    WEIGHT,
+    read_lengths,
+    refuse_misreadable,
+)
+from rfgen_sionna.generative.prompts.text_reader import Reader, compile_pattern, number
+
+_BREATHS: tuple[tuple[float, str], ...] = (
+    (0.0, r"(?:and |while |with )?(?:<hold|held|holding> <a>breath|<a>breath held)"),
+    (15.0, r"(?:and |while )?<breathe>(?: (?:calmly|normally|quietly))?(?= ,| and|$)"),
+)
+"""(breaths a minute, pattern without a number)."""
+_HANDS: tuple[tuple[str, str], ...] = (
+    ("both", r"(?:with|using|by) (?:both|two) (?:of )?<a>(?:arms|hands|(?:index )?fingers)|hand both|both (?:hands|(?:index )?fingers)|with <a>hands"),
+    ("left", r"(?:(?:with|using|by) )?<a>left (?:open )?(?:hand|arm|index finger|finger|forefinger|fist|palm)|hand left"),
+    ("right", r"(?:(?:with|using|by) )?<a>right (?:open )?(?:hand|arm|index finger|finger|forefinger|fist|palm)|hand right"),
+)  # fmt: skip
+"""(hand, pattern); the words stay in the phrase of the action."""
+_SUBJECT = re.compile(
+    r"^(?:[~, ]*)(?:there is )?(?:an?|the|this|that|another|my|his|her|our|your|some) (?P<how>(?:[a-z]+ ){0,3}?)"
+    r"(?P<noun>[a-z]+)(?= (?:is|was|who|that|which|can|[a-z]+(?:s|ing|ed))\b)"
+)
+_NO_SUBJECT = frozenset(
+    [
+        "arm",
+        "arms",
+        "hand",
+        "hands",
+        "leg",
+        "legs",
+        "foot",
+        "feet",
+        "knee",
+        "finger",
+        "head",
+        "body",
+        "trunk",
+        "pose",
+        "gesture",
+        "movement",
+        "motion",
+        "exercise",
+        "jump",
+        "fall",
+        "walk",
+        "wave",
+        "kick",
+        "punch",
+        "swipe",
+        "circle",
+        "step",
+        "steps",
+        "push",
+        "pull",
+        "click",
+        "bow",
+        "squat",
+        "run",
+        "left",
+        "right",
+        "video",
+        "recording",
+        "picture",
+    ]
+)
+_ARTICLES = frozenset(("a", "an", "the", "is", "are", "who", "that", "his", "her"))
+_LINKS = frozenset(("and", "is", "are", "who", "that", "which", "then", "while"))
+"""Words at the beginning of a clause without meaning of their own."""
+_ONE = re.compile(r"\b(?:the )?either (?=arm|hand|leg|foot|knee)")
+_ANY = re.compile(r" ?\b(?:(?:to|from) )?(?:the )?either\b")
+"""Sides and turns that the words leave open."""
+_DECADES = ("twenties", "thirties", "forties", "fifties", "sixties", "seventies", "eighties")
+_AGE = rf"in <a>(?:(?P<part>early|mid|late) )?(?:(?P<tens>[2-8])0 ?s|(?P<decade>{'|'.join(_DECADES)}))"
+_TURN = (
+    r"(?:turns?|turning|rotates?|rotating|spins?|spinning)(?: (?:around|round|by|through|about|left|right|to the left|to the right))* "
+    r"(?P<angle><n>) degrees?(?: to the (?:left|right))?"
+)
+_COUNTED = (
+    r"(?:for |after |within |up to )?(?:about |around |exactly )?(?:<n> (?:seconds?|secs?|minutes?|min|hours?|times|met(?:re|er)s?|cent(?:imeters?|imetres?)|steps|repetitions|reps|rounds)"
+    r"|(?<![a-z])\d[\d.]*(?: (?:m|cm|km|s|kg|ft|feet|degrees?|percent|high|long|far|wide))*)"
+)
+"""Numbers without effect."""
+_HALF_TURN = 120.0
+"""Least turn of the action `turn_around` [degrees]."""
+_GO = r"(?:<go|went>|<move>|<come|came>|<step>|<head>|<return>)"
+
+
+@dataclass
+class PersonWords:
+    """Values in a text about a person, each with its words, in `reader.found` and here."""
+
+    reader: Reader
+    scenes: list[tuple[str, str]]
+    """(words, surroundings)."""
+    body: BodyWords = field(default_factory=BodyWords)
+    targets: list[str] = field(default_factory=list)
+    verbs: list[str] = field(default_factory=list)
+    """Verbs of phrases that are read: "walks" of "approaches the radar"."""
+    lost: list[str] = field(default_factory=list)
+    """Words without effect."""
+
+    def clauses(self) -> list[str]:
+        """Clauses of the action: what no value has taken, without words that mean nothing alone."""
+        found = []
+        for clause in self.reader.text.split(","):
+            words = clause.split()
+            after = dict(zip(range(len(words)), [*words[1:], ""], strict=False))
+            kept = [
+                word
+                for place, word in enumerate(words)
+                if "~" not in word and not (word in _ARTICLES and "~" in after[place])
+            ]
+            while kept and kept[0] in _LINKS:
+                del kept[0]
+            if not set(kept) <= vocabulary.FILLERS:
+                found.append(_ANY.sub("", _ONE.sub("one ", " ".join(kept))))
+        return [*self.verbs, *found]
+
+    def read_hands(self) -> list[tuple[str, str]]:
+        """(words, hand) of the phrase of the action."""
+        text, found = self.reader.text, []
+        for hand, pattern in _HANDS:
+            for match in compile_pattern(pattern).finditer(text):
+                found.append((match.group(), hand))
+                text = text[: match.start()] + "~" * len(match.group()) + text[match.end() :]
+        return found
+
+    def way(self) -> str | None:
+        """Way over the floor in the words, one of :data:`~rfgen_sionna.generative.manner.PATHS`."""
+        return next((way for way, pattern in PATHS if compile_pattern(pattern).search(self.reader.said)), None)
+
+
+def read_wanted(text: str) -> PersonWords:
+    """Read a prompt.
+
+    Raises:
+        PromptError: several persons, a number out of range, a place behind the radar, an unknown place, or a subject
+            that is neither a person nor known.
+    """
+    text, scenes = split_keyword(text)
+    said = PersonWords(Reader(text), scenes)
+    reader = said.reader
+    reader.understood += [(words, f"surroundings {scene}") for words, scene in scenes]
+    refuse_misreadable(reader.text)
+    reader.find("breathing", _BREATHS[0][1], (0.0, 0.0), "a held breath")
+    for quantity in (BREATHING, HEART, HEIGHT, WEIGHT, AGE):
+        quantity.read(reader)
+    for match in reader.take(_AGE):
+        first = 10.0 * (float(match["tens"]) if match["tens"] else 2.0 + _DECADES.index(match["decade"]))
+        low, high = {"early": (0.0, 3.0), "mid": (4.0, 6.0), "late": (7.0, 9.0), None: (0.0, 9.0)}[match["part"]]
+        AGE.note(reader, match, first + low, first + high)
+    reader.find("breathing", _BREATHS[1][1], (15.0, 15.0), "15 breaths a minute")
+    _read_common(said)
+    _read_target(said)
+    refuse_unknown_place(reader)
+    said.lost += [match.group() for match in reader.take(_COUNTED)]
+    return said
+
+
+def read_unwanted(text: str) -> PersonWords:
+    """Read a negative prompt, of words and short phrases."""
+    text, scenes = split_keyword(text)
+    said = PersonWords(Reader(text), scenes)
+    reader = said.reader
+    reader.understood += [(words, f"surroundings {scene}") for words, scene in scenes]
+    for trait, classes, nouns in SIMPLE_NOUNS:
+        said.body.take_classes(reader, nouns, trait, classes)
+    _read_common(said)
+    for match in reader.take(PERSON):  # "a person" alone forbids everything
+        said.targets.append(match.group())
+    return said
+
+
+def _read_common(said: PersonWords) -> None:
+    reader = said.reader
+    read_manner(reader)
+    read_lengths(reader, height=True)
+    AZIMUTH.read(reader)
+    reader.take(vocabulary.IN_VIEW, "within the radar's view, where everything is")
+    both_ways = reader.take(vocabulary.BOTH_WAYS, "to and from the radar")
+    if both_ways:
+        said.verbs.append("walks back and forth")
+    approach = reader.find("way", rf"<approach> {vocabulary.RADAR}", "to", "walks towards the radar")
+    if approach or reader.take(rf"{_GO}(?= (?:{vocabulary.TO_RADAR}|{vocabulary.FROM_RADAR}))", "walks"):
+        said.verbs.append("walks")
+    for match in reader.take(_TURN):
+        if number(match["angle"]) < _HALF_TURN:
+            raise PromptError(
+                f"action: {match.group()!r}: a turn of less than {_HALF_TURN:g}° is none that can be done; 'turns around' "
+                "is, and 'turned 45 degrees' is an orientation"
+            )
+        said.verbs.append("turns around")
+        reader.note(match, "turns around")
+    ORIENTATION.read(reader)
+    for angle, pattern in vocabulary.ORIENTATION_PATTERNS:
+        reader.find("orientation", pattern, (angle, angle), f"orientation {angle:g}°")
+    reader.find("way", vocabulary.FROM_RADAR, "away", "away from the radar")
+    reader.find("way", vocabulary.TO_RADAR, "to", "towards the radar")
+    for side, pattern in vocabulary.SIDE_WAYS:
+        for match in reader.take(pattern):
+            reader.restore(*match.span("kept"))
+            reader.found.setdefault("way", []).append((match.group(), side))
+    said.scenes += read_scenes(reader)
+    reader.take(vocabulary.THE_ROOM, "in the surroundings")
+    said.body.read_adjectives(reader)
+
+
+def _read_target(said: PersonWords) -> None:
+    """Take the person, and the words before it."""
+    reader = said.reader
+    for match in reader.take(rf"(?:<n> )?{PLURAL}"):
+        raise PromptError(
+            f"target: {match.group()!r} is more than one person; a prompt about one names one, and several are joined "
+            "by 'and'"
+        )
+    first = compile_pattern(
+        rf"(?:(?P<of>an?|the|this|that|one|some|my|his|her|our|your) (?P<how>[a-z~ ]*?))?(?P<who>{PERSON}(?: {PERSON})*)"
+    ).search(reader.text)
+    if first is None:
+        subject = _SUBJECT.match(reader.text)
+        if subject is None or subject["noun"] in _NO_SUBJECT or subject["noun"].endswith("ing"):
+            return
+        if not is_human(subject["noun"]):
+            raise PromptError(
+                f"target: {subject['noun']!r} is no person, animal or thing that is known; known are people, by any "
+                "noun, and the animals and things that rfgen things lists"
+            )
+        first = subject
+    who = first.groupdict().get("who") or first["noun"]
+    how = (first["how"] or "").split()
+    if first.groupdict().get("of") and len([word for word in how if "~" not in word]) > 4:
+        how, start = [], first.start("who")  # "a wave by a person"
+    else:
+        start = first.start()
+    said.verbs += [word for word in how if word.endswith(("ing", "ed"))]
+    said.lost += [
+        word for word in how if "~" not in word and not word.endswith(("ing", "ed")) and word not in vocabulary.FILLERS
+    ]
+    reader.erase(start, first.end())
+    said.targets.append(who)
+    reader.understood.append((who, "target person" + said.body.read_noun(who)))
+    for match in reader.take(rf"he|she|they|(?:(?<=^)|(?<=, ))(?:<a>{PERSON})(?= ,|$)"):
+        said.targets.append(match.group())
+        reader.note(match, "target person" + said.body.read_noun(match.group()))
