@@ -25,7 +25,7 @@ _WORDLESS = 0.1
 class VariationRecipe:
     """Settings that decide the outcome of a training run."""
 
-    steps: int = 9_000
+    steps: int = 12_000
     items: int = 24
     """Motions a step."""
     rate: float = 6e-4
