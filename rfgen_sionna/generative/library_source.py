@@ -23,7 +23,15 @@ from rfgen_sionna.generative.motion.clip_editing import (
     scaled,
     sway,
 )
-from rfgen_sionna.generative.motion.floor_ways import Stops, along, floor_way, gait_period, own_speed, own_way
+from rfgen_sionna.generative.motion.floor_ways import (
+    Stops,
+    along,
+    floor_way,
+    gait_period,
+    own_speed,
+    own_way,
+    steady_part,
+)
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
 from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
@@ -113,7 +121,7 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
                 f"speed: {manner.speed_mps:g} m/s with {action!r}; allowed are {_RATIOS[0] * min(speeds):.2g} to "
                 f"{_RATIOS[1] * max(speeds):.2g} m/s"
             )
-    gait = _repeated(_GAITS.get(action, action), window, mirror, pace, count + 1, rng, names)
+    gait = _repeated(_GAITS.get(action, action), window, mirror, pace, count + 1, rng, names, steady=True)
     speed = own_speed(gait)
     wanted = size * speed if manner.speed_mps is None else manner.speed_mps
     stops = Stops.drawn(count, RATE, rng, manner.pauses)
@@ -234,13 +242,16 @@ def _kept(motion: Motion, count: int, rng: np.random.Generator) -> Motion:
 
 
 def _repeated(
-    action: str, window: Window, mirror: bool, pace: float, count: int, rng: np.random.Generator, names: list[str]
-) -> Motion:
+    action: str, window: Window, mirror: bool, pace: float, count: int, rng: np.random.Generator, names: list[str],
+    *, steady: bool = False,
+) -> Motion:  # fmt: skip
     """The action from a window on, again and again, by clips that go on where poses are alike."""
     clip = _edited(window, mirror, pace)
     start, stop = _span(window, pace)
     stop = min(stop, len(clip.translation))
-    if window.whole:
+    if steady:
+        clip = motion = cut(clip, *steady_part(clip, start, stop))
+    elif window.whole:
         spare = max(count - (stop - start), 0)
         first = max(0, start - int(rng.uniform(0.0, 1.0) * spare), min(stop - count, start))
         motion = cut(clip, first, min(len(clip.translation), max(stop, first + count)))
@@ -248,7 +259,7 @@ def _repeated(
         clip = motion = cut(clip, start, stop)
     others = [each for each in windows()[action] if each.clip != window.clip]
     kin = [each for each in others if _clip(each.clip).subject == _clip(window.clip).subject]
-    whole = clip if window.whole else motion
+    whole = clip if window.whole or steady else motion
     while len(motion.translation) < count:
         tried = [(whole, "")]
         _, distance = _join(motion, whole)
@@ -259,9 +270,9 @@ def _repeated(
                 if pool[k].side not in ("both",) and window.side != "both":
                     turned = (pool[k].side != window.side) != mirror
                 other = _edited(pool[k], turned, pace)
-                if not pool[k].whole:
-                    a, b = _span(pool[k], pace)
-                    other = cut(other, a, b)
+                if steady or not pool[k].whole:
+                    span = _span(pool[k], pace)
+                    other = cut(other, *(steady_part(other, *span) if steady else span))
                 tried.append((other, pool[k].clip))
         best = min(tried, key=lambda each: _join(motion, each[0])[1])
         (here, there), distance = _join(motion, best[0])

@@ -47,6 +47,8 @@ _MANY = 3
 """Most windows of a clip."""
 _LENGTHS = (0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
 """Lengths of windows that are tried [s]."""
+_FASTEST = 320.0
+"""Largest acceleration of a joint at the rate of the clips [m/s^2]; hands and feet of fast strikes reach 250."""
 _STEP = 0.2
 """Distance of the starts that are tried [s]."""
 
@@ -109,6 +111,12 @@ def windows_of(clip: LibraryClip, motion: Motion, action: str, whole: dict[bool,
     return out
 
 
+def _jumps(motion: Motion) -> bool:
+    """Whether a joint of a clip jumps from one place to another, which no muscle does."""
+    second = np.linalg.norm(np.diff(joint_places(motion), 2, axis=0), axis=-1) * motion.frame_rate**2
+    return bool(second.max(initial=0.0) > _FASTEST)
+
+
 def _working_side(motion: Motion) -> str:
     """Side whose hand or foot moves more."""
     places = joint_places(motion)
@@ -139,6 +147,8 @@ def index(library: MotionLibrary) -> dict[str, list[Window]]:
     for action, clips in sorted(wanted.items()):
         for clip in clips:
             motion = library.motion(clip.name)
+            if _jumps(motion):
+                continue
             if clip.name not in signals:
                 signals[clip.name] = {False: MotionSignals(motion), True: MotionSignals(mirrored(motion))}
             found.setdefault(action, []).extend(windows_of(clip, motion, action, signals[clip.name]))

@@ -141,18 +141,18 @@ def along(motion: Motion, path: WalkPath, speed: float, size: float, stops: Stop
         stops: where the pace goes down.
     """
     rate = motion.frame_rate
-    count = len(stops.pace)
-    gone = np.concatenate([[0.0], np.cumsum(0.5 * (stops.pace[1:] + stops.pace[:-1]))]) / rate
+    phase = _sum(ease(stops.pace / 0.4), rate)
+    gait = at_times(motion, phase)
+    middle = own_way(motion)
+    at = np.arange(len(middle)) / rate
+    own = np.stack([np.interp(phase, at, middle[:, k]) for k in range(2)], axis=-1)
+    # the way goes on as the gait does, faster and slower
+    pace = np.linalg.norm(np.gradient(middle, axis=0), axis=1) * rate
+    gone = _sum(stops.pace * np.interp(phase, at, pace / max(pace.mean(), 1e-9)), rate)
     x, y, heading = path.at(gone)
     share = np.interp(gone, path.t, path.speed) / speed * stops.pace
-    cadence = ease(stops.pace / 0.4)
-    phase = np.concatenate([[0.0], np.cumsum(0.5 * (cadence[1:] + cadence[:-1]))]) / rate
-    gait = at_times(motion, phase)
-    way = at_times(
-        replace(motion, translation=np.column_stack([own_way(motion), np.zeros(len(motion.translation))])), phase
-    )
-    own = way.translation[:, :2]
-    course = _course(motion, phase)
+    course = np.interp(phase, at, _course(motion))
+    count = len(phase)
     steps = np.minimum(size * share, 1.3)
     legs = np.ones((count, len(motion.joint_names)))
     for k, name in enumerate(motion.joint_names):
@@ -173,16 +173,33 @@ def along(motion: Motion, path: WalkPath, speed: float, size: float, stops: Stop
     return replace(gait, rotations=continuous(rotations), translation=translation, contacts=contacts)
 
 
-def _course(motion: Motion, phase: FloatArray) -> FloatArray:
-    """(frame,) direction of a gait's own way at times `phase` [s], continuous [rad]; where it stands, its heading."""
+def _sum(values: FloatArray, rate: float) -> FloatArray:
+    """(frame,) integral over time of (frame,) values, from 0."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))]) / rate
+
+
+def steady_part(motion: Motion, start: int, stop: int) -> tuple[int, int]:
+    """First frame and end of the steady part of a gait, about that from `start` to `stop`: one pace, one direction."""
+    step = np.gradient(own_way(motion), axis=0) * motion.frame_rate
+    pace = np.linalg.norm(step, axis=1)
+    usual = float(np.median(pace[start:stop]))
+    along = np.median(step[start:stop], axis=0)
+    along = along / max(float(np.linalg.norm(along)), 1e-9)
+    steady = (pace > 0.7 * usual) & (pace < 1.4 * usual) & (step @ along > 0.7 * pace)
+    for a, b in runs(steady):
+        if a < stop and b > start:
+            start, stop = min(a, start), max(b, stop)
+            break
+    return start, stop
+
+
+def _course(motion: Motion) -> FloatArray:
+    """(frame,) direction of a gait's own way, continuous [rad]; where it stands, its heading."""
     step = np.gradient(own_way(motion), axis=0) * motion.frame_rate
     facing = headings(motion)
     direction = np.arctan2(step[:, 1], step[:, 0])
     # the angle between way and heading changes slowly: sideways and backwards stay so
     offset = np.exp(1j * (direction - facing)) * np.linalg.norm(step, axis=1)
-    smooth = gaussian_filter1d(offset.real, 20.0, mode="nearest") + 1j * gaussian_filter1d(
-        offset.imag, 20.0, mode="nearest"
-    )
+    smooth = gaussian_filter1d(offset, 20.0, mode="nearest")
     slow = gaussian_filter1d(facing, _STEP * motion.frame_rate, mode="nearest")
-    course = slow + np.unwrap(np.angle(smooth))
-    return np.interp(phase * motion.frame_rate, np.arange(len(course)), course)
+    return np.asarray(slow + np.unwrap(np.angle(smooth)), np.float64)

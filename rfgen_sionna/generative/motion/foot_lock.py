@@ -11,7 +11,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.resampling import runs
-from rfgen_sionna.generative.motion.rotations import X, normalised, to_matrices, to_quaternions, transpose
+from rfgen_sionna.generative.motion.rotations import X, to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import (
     JOINT,
     MEAN_ADULT,
@@ -19,7 +19,6 @@ from rfgen_sionna.generative.motion.skeleton import (
     SIDES,
     Skeleton,
     forward_kinematics,
-    from_rest,
     global_rotations,
     two_bone,
 )
@@ -86,12 +85,13 @@ def lock_feet(
             shift = _between(held, offset)
             least = _swing_height(~contacts[:, i], motion.frame_rate)
         shift[:, 2] = np.maximum(shift[:, 2], least - low[:, i])
-        target = places[:, ankle] + hold[:, None] * shift
-        _, thigh, shank = two_bone(
-            places[:, hip], target, world[:, hip] @ X, skeleton.length(f"{side}_knee"), skeleton.length(f"{side}_ankle")
-        )
-        world[moved, hip] = from_rest(thigh, normalised(skeleton.offsets[knee]), X)[moved]
-        world[moved, knee] = from_rest(shank, normalised(skeleton.offsets[ankle]), X)[moved]
+        lengths = skeleton.length(f"{side}_knee"), skeleton.length(f"{side}_ankle")
+        start, end, pole = places[:, hip], places[:, ankle], world[:, hip] @ X
+        # relative to the solution without shift, so that a zero shift turns nothing
+        _, *before = two_bone(start, end, pole, *lengths)
+        _, *after = two_bone(start, end + hold[:, None] * shift, pole, *lengths)
+        for joint, old, new in zip((hip, knee), before, after, strict=True):
+            world[moved, joint] = ((new @ transpose(old)) @ world[:, joint])[moved]
     local = world.copy()
     for j, p in enumerate(motion.parents):
         if p >= 0:
