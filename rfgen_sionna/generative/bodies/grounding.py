@@ -6,10 +6,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, label, maximum_filter1d
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.bodies.body_support import body_size, carrying_height, hover, lowest, part_heights
+from rfgen_sionna.generative.bodies.limb_contact import rest_limbs
 from rfgen_sionna.generative.bodies.retarget import bone_rotations
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.curves import ease
-from rfgen_sionna.generative.motion.jumps import GRAVITY
 from rfgen_sionna.generative.motion.rotations import X, Z, normalised
 from rfgen_sionna.generative.motion.skeleton import JOINT, PLANTED_BELOW, SIDES, forward_kinematics, from_rest, two_bone
 
@@ -55,12 +56,31 @@ def find_contacts(soles: FloatArray, frame_rate: float) -> np.ndarray:
     return alone
 
 
-def stand_on_floor(
+def rests_on_floor(rig: Rig, joints: FloatArray, translation: FloatArray, frame_rate: float) -> bool:
+    """Whether no part is more than 2 cm under the floor, and none that carries more than 3 cm over it.
+
+    Args:
+        rig: the body.
+        joints: (frame, 52, 3, 3) world rotations of the joints.
+        translation: (frame, 3) root positions [m].
+        frame_rate: [Hz].
+    """
+    if np.min(list(part_heights(rig, joints, translation).values())) < -0.02:
+        return False
+    low = carrying_height(rig, joints, translation, frame_rate)
+    if len(low) < 3:
+        return bool(np.all(low < 0.03))
+    upright = _upright(rig, joints, translation)
+    return bool(np.all(np.abs(hover(low, upright, translation[:, 2], body_size(rig), frame_rate)) < 0.03))
+
+
+def rest_on_floor(
     rig: Rig, joints: FloatArray, translation: FloatArray, contacts: np.ndarray | None, frame_rate: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Joint rotations (frame, 52, 3, 3) and root positions (frame, 3) [m] with the feet on the floor.
+    """Joint rotations (frame, 52, 3, 3) and root positions (frame, 3) [m] of a body that the floor carries.
 
-    Planted feet are still and on the floor; no sole is under it.
+    What carries is on the floor: feet, or knees, trunk, hands of who is not on the feet. Planted feet are still. Flights
+    stay flights; who climbs, upright over the floor, stays there.
 
     Args:
         rig: the body.
@@ -70,17 +90,31 @@ def stand_on_floor(
         frame_rate: [Hz].
     """
     joints, translation = joints.copy(), translation.copy()
+    low = carrying_height(rig, joints, translation, frame_rate)
+    upright = _upright(rig, joints, translation)
+    base = np.quantile(low[upright] if upright.any() else low, 0.15)
+    translation[:, 2] -= base
+    if len(translation) >= 3:
+        translation[:, 2] -= hover(low - base, upright, translation[:, 2], body_size(rig), frame_rate)
+        _plant_feet(rig, joints, translation, contacts, frame_rate)
+    rest_limbs(rig, joints, translation, frame_rate)
+    return joints, translation
+
+
+def _upright(rig: Rig, joints: FloatArray, translation: FloatArray) -> np.ndarray:
+    """(frame,) whether the pelvis is over stretched legs, with the trunk up."""
+    positions = _positions(rig, joints, translation)
+    feet = np.min([positions[:, JOINT[f"{side}_ankle"], 2] for side in SIDES], axis=0)
+    trunk = normalised(positions[:, JOINT["neck"]] - positions[:, 0])
+    return np.asarray((positions[:, 0, 2] - feet > 0.6 * rig.skeleton.leg_length()) & (trunk[:, 2] > 0.6))
+
+
+def _plant_feet(
+    rig: Rig, joints: FloatArray, translation: FloatArray, contacts: np.ndarray | None, frame_rate: float
+) -> None:
+    """Hold planted feet still on the floor, in place; free ones stay over it."""
     positions = _positions(rig, joints, translation)
     soles = np.stack([sole_points(rig, joints, positions, side) for side in SIDES], axis=1)
-    lowest = soles[..., 2].min(axis=(1, 2))
-    translation[:, 2] -= np.quantile(lowest, 0.15)
-    if len(translation) < 3:
-        return joints, translation
-    soles[..., 2] -= np.quantile(lowest, 0.15)
-    drop = _float(soles[..., 2].min(axis=(1, 2)), translation[:, 2], frame_rate)
-    translation[:, 2] -= drop
-    soles[..., 2] -= drop[:, None, None]
-    positions = _positions(rig, joints, translation)
     planted = find_contacts(soles, frame_rate) if contacts is None else contacts
     planted = planted & (soles[..., 2].min(axis=2) < PLANTED_BELOW)  # not in a handstand
     blend = max(1, round(BLEND * frame_rate))
@@ -88,13 +122,14 @@ def stand_on_floor(
         shift = _held(soles[:, i], planted[:, i], blend)
         # free feet stay above the floor
         under = np.maximum(-(soles[:, i, :, 2].min(axis=1) + shift[:, 2]), 0.0)
-        lift = gaussian_filter1d(maximum_filter1d(under, 2 * blend + 1), blend / 3.0, truncate=3.0)
-        shift[:, 2] += lift
+        shift[:, 2] += _envelope(under, blend)
         _move_foot(rig, joints, positions, side, shift)
-    for _ in range(2 if planted.any() else 0):  # the second round corrects the smoothing of the first
+    heights = part_heights(rig, joints, translation)
+    carried = planted & (lowest(heights, ("torso", "thigh", "shank")) > 0.02)[:, None]
+    for _ in range(2 if carried.any() else 0):  # the second round corrects the smoothing of the first
         # a leg may be too short: the pelvis sinks until the lower of the planted feet is on the floor
         low = np.stack([_lowest_vertex(rig, joints, translation, side) for side in SIDES], axis=-1)
-        rise = np.where(planted, low, np.inf).min(axis=1)
+        rise = np.where(carried, low, np.inf).min(axis=1)
         at = np.flatnonzero(np.isfinite(rise))
         rise = np.interp(np.arange(len(rise)), at, rise[at])
         translation[:, 2] -= gaussian_filter1d(rise, RIDE * frame_rate, mode="nearest")
@@ -102,10 +137,13 @@ def stand_on_floor(
         # vertices of the sole beside the three points
         under = np.maximum(-_lowest_vertex(rig, joints, translation, side) - 0.002, 0.0)
         if under.max() > 0.0:
-            positions = _positions(rig, joints, translation)
-            lift = gaussian_filter1d(maximum_filter1d(under, 2 * blend + 1), blend / 3.0, truncate=3.0)
-            _move_foot(rig, joints, positions, side, lift[:, None] * Z)
-    return joints, translation
+            _move_foot(rig, joints, _positions(rig, joints, translation), side, _envelope(under, blend)[:, None] * Z)
+
+
+def _envelope(under: FloatArray, blend: int) -> FloatArray:
+    """(frame,) smooth lift of at least about `under` (frame,) [m], that begins and ends `blend` frames aside."""
+    lift: FloatArray = gaussian_filter1d(maximum_filter1d(under, 2 * blend + 1), blend / 3.0, truncate=3.0)
+    return lift
 
 
 def _lowest_vertex(rig: Rig, joints: FloatArray, translation: FloatArray, side: str) -> FloatArray:
@@ -113,18 +151,6 @@ def _lowest_vertex(rig: Rig, joints: FloatArray, translation: FloatArray, side: 
     bones = bone_rotations(rig, joints)
     rows = np.unique(rig.faces[rig.face_parts == rig.part_names.index(f"{side}_foot")])
     return np.array([rig.skin(r, p, rows)[:, 2].min() for r, p in zip(bones, translation, strict=True)])
-
-
-def _float(lowest: FloatArray, height: FloatArray, frame_rate: float) -> FloatArray:
-    """(frame,) height of a body over the floor while it is not in flight, from soles and root [m]."""
-    smooth = gaussian_filter1d(height, 0.03 * frame_rate, mode="nearest")
-    falling = np.gradient(np.gradient(smooth)) * frame_rate**2 < -0.45 * GRAVITY
-    flying = maximum_filter1d(((lowest > 0.02) & falling) | (lowest > 0.08), 3)
-    if flying.all():
-        return np.zeros_like(lowest)
-    frames = np.arange(len(lowest))
-    hover = np.interp(frames, frames[~flying], np.clip(lowest[~flying], -0.06, 0.06))
-    return gaussian_filter1d(hover, 0.05 * frame_rate, mode="nearest")
 
 
 def _held(sole: FloatArray, planted: np.ndarray, blend: int) -> FloatArray:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy import sparse
+from scipy.spatial import ConvexHull
 
 from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
@@ -107,6 +108,36 @@ class Rig(ShortRepr):
         transforms = np.concatenate([np.swapaxes(rotations, -1, -2), shift[:, None, :]], axis=1).reshape(-1, 3)
         skin = self._skin if rows is None else self._skin[rows]
         return skin @ transforms
+
+    @cached_property
+    def outer_vertices(self) -> tuple[IntArray, IntArray]:
+        """Indices of the vertices that can be the lowest of a pose, and (k,) their parts, indices of `part_names`.
+
+        They are the corners of the convex hull of the vertices that follow each joint.
+        """
+        joints = self.bone_joints[np.asarray(self.weights.argmax(axis=1)).ravel()]
+        part = np.zeros(len(self.vertices), np.int32)
+        part[self.faces] = self.face_parts[:, None]
+        used = np.zeros(len(self.vertices), bool)
+        used[self.faces] = True
+        corners = []
+        for joint in np.unique(joints):
+            own = np.flatnonzero((joints == joint) & used)
+            thick = len(own) > 3 and np.linalg.matrix_rank(self.vertices[own] - self.vertices[own].mean(axis=0)) == 3
+            corners.append(own[ConvexHull(self.vertices[own]).vertices] if thick else own)
+        rows = np.concatenate(corners)
+        return rows, part[rows]
+
+    def heights(self, rotations: FloatArray, shift: FloatArray, rows: IntArray) -> FloatArray:
+        """(k, frame) heights of the vertices `rows` (k,) in many poses [m].
+
+        Args:
+            rotations: (frame, bone, 3) upward rows of the bones' world rotations relative to the mesh's rest pose.
+            shift: (frame, bone) upward translations of the bones [m].
+            rows: indices of the vertices.
+        """
+        transforms = np.concatenate([rotations, shift[..., None]], axis=-1).reshape(len(rotations), -1)
+        return np.asarray(self._skin[rows] @ transforms.T)
 
     def turn(self, vectors: FloatArray, rotations: FloatArray) -> FloatArray:
         """(vertex, 3) vectors of the rest pose, such as displacements of the skin, turned with the skin.

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.generative.bodies.grounding import stand_on_floor
+from rfgen_sionna.generative.bodies.grounding import rest_on_floor, rests_on_floor
 from rfgen_sionna.generative.bodies.retarget import bone_rotations, joint_rotations, root_translation, same_proportions
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.bodies.vital_signs import VitalSigns, skin_directions
@@ -103,15 +103,17 @@ class BodySequence(ShortRepr):
 
 
 def animate(rig: Rig, motion: Motion, vital_signs: VitalSigns | None = None) -> BodySequence:
-    """Mesh sequence of a body that performs a motion, its feet on the floor z = 0, and breathes by `vital_signs`.
+    """Mesh sequence of a body that performs a motion, resting on the floor z = 0, and breathes by `vital_signs`.
 
-    A motion of another skeleton is scaled to the body's legs, set on the floor, and its planted feet are held in place.
+    A motion of another skeleton is scaled to the body's legs. What carries the body, feet or other parts, is put on the
+    floor, and planted feet are held in place; a motion made for this body stays as it is where it is on the floor.
 
     Raises:
         ValueError: the motion has unknown joints, or no pelvis.
     """
     joints = joint_rotations(motion)
     translation = root_translation(motion, rig.skeleton)
-    if not same_proportions(motion, rig.skeleton):
-        joints, translation = stand_on_floor(rig, joints, translation, motion.contacts, motion.frame_rate)
-    return BodySequence(rig, bone_rotations(rig, joints), translation, motion.frame_rate, vital_signs)
+    rate = motion.frame_rate
+    if not (same_proportions(motion, rig.skeleton) and rests_on_floor(rig, joints, translation, rate)):
+        joints, translation = rest_on_floor(rig, joints, translation, motion.contacts, rate)
+    return BodySequence(rig, bone_rotations(rig, joints), translation, rate, vital_signs)

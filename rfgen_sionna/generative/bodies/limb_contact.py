@@ -1,0 +1,148 @@
+"""Arms, hands and head on the floor: they give way to it, and hands that support rest on it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.bodies.body_support import PALM, body_size, lowest, part_heights
+from rfgen_sionna.generative.bodies.rig import Rig
+from rfgen_sionna.generative.motion.curves import ease
+from rfgen_sionna.generative.motion.rotations import X, Y, Z, about, normalised, transpose
+from rfgen_sionna.generative.motion.skeleton import FINGERS, JOINT, SIDES, forward_kinematics, side_sign, two_bone
+
+_SETTLE = 0.12
+"""Time over which a limb is lifted and lowered [s]."""
+_NEAR = 0.08
+"""Height under which a hand that is still supports [m]."""
+_STILL = 0.3
+"""Speed under which a hand is still [m/s]."""
+
+
+def rest_limbs(rig: Rig, joints: FloatArray, translation: FloatArray, frame_rate: float) -> None:
+    """Turn arms, hands, neck and trunk of a body on the floor, in place, so that none is under it.
+
+    Args:
+        rig: the body.
+        joints: (frame, 52, 3, 3) world rotations of the joints, changed in place.
+        translation: (frame, 3) root positions [m], changed in place.
+        frame_rate: [Hz].
+    """
+    width = max(1.0, _SETTLE * frame_rate)
+    heights = part_heights(rig, joints, translation)
+    for side in SIDES:
+        arm = ("upper_arm", "forearm", "hand")
+        if lowest(heights, [f"{side}_{part}" for part in arm]).min() < _NEAR:
+            _rest_arm(rig, joints, translation, side, heights, width, frame_rate)
+    under = _lift(-heights["head"], width)
+    if under.any():
+        _raise_head(rig, joints, under)
+    low = np.min(list(part_heights(rig, joints, translation).values()), axis=0)
+    translation[:, 2] += _lift(-low - 0.01, width)
+
+
+def _lift(under: FloatArray, width: float) -> FloatArray:
+    """(frame,) smooth upper envelope of `under` (frame,) where it is positive [m]."""
+    under = np.maximum(under, 0.0)
+    reach = max(1, round(width))
+    lift: FloatArray = gaussian_filter1d(
+        maximum_filter1d(under, 2 * reach + 1, mode="nearest"), width / 2.0, mode="nearest", radius=reach
+    )
+    return lift
+
+
+def _rest_arm(
+    rig: Rig,
+    joints: FloatArray,
+    translation: FloatArray,
+    side: str,
+    heights: dict[str, FloatArray],
+    width: float,
+    frame_rate: float,
+) -> None:
+    wrist = JOINT[f"{side}_wrist"]
+    palm = PALM * body_size(rig)
+    places = _places(rig, joints, translation)
+    hand, forearm = heights[f"{side}_hand"], heights[f"{side}_forearm"]
+    still = np.linalg.norm(np.gradient(places[:, wrist], axis=0), axis=1) * frame_rate < _STILL
+    supports = still & (forearm < palm + _NEAR) & (hand < _NEAR)
+    # a hand flat on the floor has its wrist a palm's height over it
+    goal = np.where(supports & (hand < palm), palm, 0.0)
+    shift = _lift(goal - forearm, width)
+    hovering = np.where(supports, np.maximum(np.minimum(hand, forearm - palm), 0.0), 0.0)
+    shift -= gaussian_filter1d(hovering, width / 2.0, mode="nearest")
+    if shift.any():
+        _move_wrist(rig, joints, places, side, shift)
+    for _ in range(2):
+        heights = part_heights(rig, joints, translation)
+        under = _lift(-np.minimum(heights[f"{side}_upper_arm"], heights[f"{side}_forearm"]), width)
+        if under.any():
+            _raise_elbow(rig, joints, _places(rig, joints, translation), side, under)
+    for _ in range(2):
+        under = _lift(-part_heights(rig, joints, translation)[f"{side}_hand"], width)
+        if under.any():
+            _bend_wrist(rig, joints, side, under)
+
+
+def _places(rig: Rig, joints: FloatArray, translation: FloatArray) -> FloatArray:
+    return forward_kinematics(joints, translation, rig.skeleton.offsets, rig.skeleton.parents)
+
+
+def _move_wrist(rig: Rig, joints: FloatArray, places: FloatArray, side: str, shift: FloatArray) -> None:
+    """Raise the wrist by `shift` (frame,) [m] with shoulder and elbow; the hand keeps its orientation."""
+    shoulder, elbow, wrist = (JOINT[f"{side}_{j}"] for j in ("shoulder", "elbow", "wrist"))
+    lengths = rig.skeleton.length(f"{side}_elbow"), rig.skeleton.length(f"{side}_wrist")
+    pole = -(joints[:, shoulder] @ X + joints[:, elbow] @ X)
+    # relative to the solution without a shift, so that none turns nothing
+    _, *before = two_bone(places[:, shoulder], places[:, wrist], pole, *lengths)
+    _, *after = two_bone(places[:, shoulder], places[:, wrist] + shift[:, None] * Z, pole, *lengths)
+    for joint, old, new in zip((shoulder, elbow), before, after, strict=True):
+        joints[:, joint] = new @ transpose(old) @ joints[:, joint]
+
+
+def _raise_elbow(rig: Rig, joints: FloatArray, places: FloatArray, side: str, lift: FloatArray) -> None:
+    """Turn the arm about the line from shoulder to wrist, outwards, so that the elbow rises by about `lift` (frame,) [m]
+    if it can."""
+    shoulder, elbow, wrist = (JOINT[f"{side}_{j}"] for j in ("shoulder", "elbow", "wrist"))
+    axis = normalised(places[:, wrist] - places[:, shoulder])
+    arm = places[:, elbow] - places[:, shoulder]
+    aside = arm - np.sum(arm * axis, axis=1, keepdims=True) * axis
+    out = Z + 0.7 * side_sign(side) * joints[:, JOINT["spine3"]] @ Y
+    out -= np.sum(out * axis, axis=1, keepdims=True) * axis
+    turned = normalised(aside + (lift / np.maximum(out[:, 2], 0.2))[:, None] * out)
+    # a straight arm has no elbow to turn
+    radius = np.linalg.norm(aside, axis=1)
+    cosine = np.sum(turned * aside, axis=1) / np.maximum(radius, 1e-9)
+    sine = np.sum(np.cross(aside, turned) * axis, axis=1) / np.maximum(radius, 1e-9)
+    rotation = about(axis, np.arctan2(sine, cosine) * ease(radius / 0.04))
+    for joint in (shoulder, elbow):
+        joints[:, joint] = rotation @ joints[:, joint]
+
+
+def _bend_wrist(rig: Rig, joints: FloatArray, side: str, under: FloatArray) -> None:
+    """Bend a hand upwards in the wrist until its lowest point is higher by `under` (frame,) [m]."""
+    wrist, middle = JOINT[f"{side}_wrist"], rig.skeleton.offsets[JOINT[f"{side}_middle1"]]
+    hand = [wrist, *(JOINT[f"{side}_{finger}{k}"] for finger in FINGERS for k in (1, 2, 3))]
+    along = joints[:, wrist] @ normalised(middle)
+    # a hand that hangs bends towards its back
+    _raise(joints, hand, along, along + joints[:, wrist] @ Z, under / (1.6 * np.linalg.norm(middle)))
+
+
+def _raise_head(rig: Rig, joints: FloatArray, under: FloatArray) -> None:
+    """Bend the neck so that the head rises by `under` (frame,) [m]."""
+    along = joints[:, JOINT["neck"]] @ normalised(rig.skeleton.offsets[JOINT["head"]])
+    _raise(joints, [JOINT["neck"], JOINT["head"]], along, along, under / (2.0 * rig.skeleton.length("head")))
+
+
+def _raise(joints: FloatArray, moved: list[int], along: FloatArray, towards: FloatArray, lift: FloatArray) -> None:
+    """Turn the joints `moved` together in the upright plane of `towards` (frame, 3): the unit vectors `along` (frame, 3)
+    rise by `lift` (frame,)."""
+    ahead = towards[:, :2] / np.maximum(np.linalg.norm(towards[:, :2], axis=1), 1e-6)[:, None]
+    level = np.sum(along[:, :2] * ahead, axis=1)
+    reach = np.maximum(np.hypot(level, along[:, 2]), 1e-6)
+    angle = np.arcsin(np.clip((along[:, 2] + lift) / reach, -1.0, 1.0)) - np.arctan2(along[:, 2], level)
+    axis = np.stack([ahead[:, 1], -ahead[:, 0], np.zeros(len(along))], axis=-1)
+    rotation = about(axis, np.where(lift > 0.0, angle, 0.0))
+    for joint in moved:
+        joints[:, joint] = rotation @ joints[:, joint]
