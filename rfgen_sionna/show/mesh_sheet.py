@@ -28,12 +28,17 @@ _ELEVATION = np.radians(18.0)
 """Of the eye [rad]."""
 _PIXELS = 400
 """Rows and columns of the depth buffer, of which four make a pixel."""
+_MARGIN = 1.05
+"""Size of a field over that of what it shows."""
+_BARS = [step * 10.0**power for power in range(-3, 3) for step in (1, 2, 5)]
+"""Lengths of bars [m]."""
 
 
 def draw_mesh_sheet(
     actors: Mapping[str, MeshActor], path: Path, *, time: float = 0.0, azimuth_deg: float = 35.0, dpi: int = 90
 ) -> None:
-    """Write a picture (PNG, PDF or SVG) of actors from ahead and above, each in a field of its own with its size.
+    """Write a picture (PNG, PDF or SVG) of actors from ahead and above, each in a field of its own with its size
+    and a bar of a round length.
 
     Args:
         actors: caption and actor.
@@ -56,7 +61,7 @@ def draw_mesh_sheet(
         size = _draw(axes, actor, time, azimuth_deg)
         axes.set_title(label, fontsize=9, color=INK, pad=2)
         text = " × ".join(f"{length:.2g}" for length in size)
-        axes.text(0.5, -0.02, f"{text} m", transform=axes.transAxes, ha="center", va="top", fontsize=7, color=MUTED)
+        axes.text(0.5, -0.06, f"{text} m", transform=axes.transAxes, ha="center", va="top", fontsize=7, color=MUTED)
     figure.savefig(path, dpi=dpi)
 
 
@@ -65,7 +70,24 @@ def _draw(axes: Axes, actor: MeshActor, time: float, azimuth_deg: float) -> Floa
     points = actor.sequence.vertices(time)
     colours = np.array([COLOURS.get(each.name, _OTHER) for each in actor.materials])[actor.face_parts]
     axes.imshow(shaded_picture(points, actor.sequence.faces, colours, azimuth_deg), interpolation="antialiased")
+    metre = 0.5 * _PIXELS / (_MARGIN * _extent(points @ _view(azimuth_deg).T))
+    length = max(each for each in _BARS if each * metre < 0.4 * 0.5 * _PIXELS)
+    axes.plot([0, length * metre], [0.52 * _PIXELS] * 2, color=INK, linewidth=1.5, solid_capstyle="butt", clip_on=False)
+    axes.text(length * metre + 4, 0.52 * _PIXELS, f"{length:g} m", ha="left", va="center", fontsize=6, color=INK)
     return np.asarray(np.ptp(points, axis=0))
+
+
+def _view(azimuth_deg: float) -> FloatArray:
+    """(3, 3) directions to the right, up and towards the eye, as rows."""
+    c, s = np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg))
+    low, high = np.cos(_ELEVATION), np.sin(_ELEVATION)
+    eye, right = np.array([c * low, -s * low, high]), np.array([s, c, 0.0])
+    return np.stack([right, np.cross(eye, right), eye])
+
+
+def _extent(seen: FloatArray) -> float:
+    """Greater of the width and the height of seen points (vertex, 3) [m]."""
+    return float(np.ptp(seen[:, :2], axis=0).max())
 
 
 def shaded_picture(points: FloatArray, faces: IntArray, colours: FloatArray, azimuth_deg: float) -> FloatArray:
@@ -77,13 +99,10 @@ def shaded_picture(points: FloatArray, faces: IntArray, colours: FloatArray, azi
         colours: (face, 3) red, green, blue, 0 … 1.
         azimuth_deg: direction of the eye from +x, towards -y [degrees].
     """
-    c, s = np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg))
-    low, high = np.cos(_ELEVATION), np.sin(_ELEVATION)
-    eye, right = np.array([c * low, -s * low, high]), np.array([s, c, 0.0])
-    view = np.stack([right, np.cross(eye, right), eye])  # to the right, up, towards the eye
+    view = _view(azimuth_deg)
     seen = points @ view.T
     middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
-    seen = (seen - middle) * _PIXELS / (1.05 * float(np.ptp(seen[:, :2], axis=0).max()))
+    seen = (seen - middle) * _PIXELS / (_MARGIN * _extent(seen))
     corners = seen[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     ahead = np.flatnonzero(normal[:, 2] > 1e-9)

@@ -1,0 +1,286 @@
+"""Measure what `perform` makes of every action beside the library's clips of it:
+`python -m training.motion.action_report [--actions A --actions B] [--seeds 100]`.
+
+It writes a JSON file, from which `python -m training.motion.definitions` puts a table on the page of actions.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from itertools import combinations
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.action_definitions import MotionSignals, check
+from rfgen_sionna.generative.action_definitions.sampled_series import RATE, rate_of
+from rfgen_sionna.generative.manner import Manner
+from rfgen_sionna.generative.motion import MEAN_ADULT
+from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
+from rfgen_sionna.generative.performing import performable, trials
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.records import Motion
+from training.commands import plainly, progress_bar
+from training.motion.action_recogniser import ActionRecogniser
+from training.motion.alignment import POSE_RATE, aligned_distance, mirrored_poses, poses
+from training.motion.definitions import half_of_subjects, read_clips
+
+OUT = Path("docs/actions-metrics.json")
+_PAIRS = 60
+"""Pairs of motions that are compared at most."""
+_PART = 2.0
+"""Longest part of a motion that is compared [s]."""
+_SUBJECTS = 5
+"""Subjects from which a variety of real clips can be stated."""
+_FALLS = ("fall", "fall_forward", "fall_backward", "fall_sideways", "fall_from_chair", "faint", "slip", "lie_down")
+
+
+@dataclass(frozen=True)
+class ActionFigures:
+    """What was measured on the motions of one action; None for what cannot be."""
+
+    sources: tuple[str, ...]
+    seeds: int
+    first: float
+    """Share of seeds whose first motion the definition holds for."""
+    true: float
+    """Share of seeds with a motion that the definition holds for; the others are refused."""
+    reasons: tuple[tuple[str, int], ...]
+    """What most often is against first motions, and how often."""
+    seconds: float
+    """Processor time of a motion, median [s]."""
+    clips: int
+    """Clips of the library that show it."""
+    subjects: int
+    speed: float | None
+    """95th percentile of the speed of wrists and ankles, median over motions [m/s]."""
+    speed_ratio: float | None
+    """That over the clips'."""
+    slide: float | None
+    """Mean speed over the floor of feet that stand [m/s]."""
+    slide_clips: float | None
+    """The same of the clips."""
+    below: float
+    """Depth of the deepest joint, or sole, under the floor [m]."""
+    end_height: float | None
+    """Of falls: the higher of pelvis and head at the end, the highest of all motions [m]."""
+    variety: float | None
+    """Distance of two seeds, as they are aligned in time: rms over joints, median [m]."""
+    variety_ratio: float | None
+    """That over the distance of clips of different subjects, where five or more show it."""
+    nearest: float | None
+    """Distance to the nearest clip or its mirror image, median [m]."""
+    recognised: float | None
+    """Share that a recogniser names rightly which has seen other people."""
+    recognised_clips: float | None
+    """The same of real clips."""
+    taken_for: tuple[tuple[str, int], ...]
+    """What it names else."""
+
+
+class ClipReference:
+    """The clips of the library with their signals, and recognisers of both halves of the subjects."""
+
+    def __init__(self) -> None:
+        self.library = MotionLibrary()
+        self.signals = {clip.name: MotionSignals(self.library.motion(clip.name)) for clip in self.library}
+        self._shown = read_clips()
+        self._half = half_of_subjects(self.library)
+        self._clip = {clip.name: clip for clip in self.library}
+
+    def clips(self, action: str) -> list[LibraryClip]:
+        """Clips that show an action, by caption and definition."""
+        if action not in self._shown:
+            return []
+        roles = self._shown[action]
+        return [c for c in self.library if roles.role(c) == "shown" and check(self.signals[c.name], action).true]
+
+    @cached_property
+    def recognisers(self) -> dict[bool, ActionRecogniser]:
+        """By whether the half of subjects that they have *not* seen is the first one."""
+        return {
+            half: ActionRecogniser([c for c in self.library if (c.subject in self._half) != half], self.signals)
+            for half in (True, False)
+        }
+
+    def named(self, signals: MotionSignals, names: Sequence[str], accepted: frozenset[str]) -> str | None:
+        """What a recogniser calls a motion of the clips called `names` that has seen none of their subjects; None where
+        it has seen some, or has not learned what is `accepted`."""
+        halves = {self._clip[name].subject in self._half for name in names}
+        for half in halves if len(halves) == 1 else () if halves else (True, False):
+            if accepted & self.recognisers[half].actions:
+                return self.recognisers[half].name(signals)
+        return None
+
+
+def extremity_speed(signals: MotionSignals) -> float:
+    """95th percentile of the speeds of wrists and ankles in the world [m/s]."""
+    places = np.concatenate([signals.pair("wrist"), signals.pair("ankle")], axis=1)
+    return float(np.percentile(np.linalg.norm(rate_of(places), axis=-1), 95))
+
+
+def standing_slide(signals: MotionSignals) -> float | None:
+    """Mean speed over the floor of feet within 3 cm of it that go slower than 0.6 m/s, the stiller of ankle and toes
+    [m/s]; None where no foot stands."""
+    speeds = signals.foot_speed[(signals.feet < 0.03) & (signals.foot_speed < 0.6)]
+    return float(speeds.mean()) if len(speeds) > 0.2 * len(signals.time) else None
+
+
+def depth(signals: MotionSignals) -> float:
+    """Depth of the deepest joint, or sole, under the floor [m]; 0 for none."""
+    return float(max(-signals.joints[..., 2].min(), -signals.feet.min(), 0.0))
+
+
+def _part(rows: FloatArray, seconds: float) -> FloatArray:
+    """The liveliest stretch of poses."""
+    size = min(len(rows), max(round(seconds * POSE_RATE), 3))
+    moved = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rows, axis=0), axis=1))])
+    start = int(np.argmax(moved[size - 1 :] - moved[: len(rows) - size + 1]))
+    return rows[start : start + size]
+
+
+def _spread(rows: Sequence[FloatArray], pairs: Sequence[tuple[int, int]], seconds: float) -> float | None:
+    """Median distance of pairs of motions as they are aligned [m]."""
+    if not pairs:
+        return None
+    return float(np.median([aligned_distance(_part(rows[a], seconds), rows[b]) for a, b in pairs]))
+
+
+def _some(pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    order = np.random.default_rng(0).permutation(len(pairs))[:_PAIRS]
+    return [pairs[k] for k in order]
+
+
+def _median(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None
+
+
+def _over(value: float | None, reference: float | None) -> float | None:
+    return value / reference if value is not None and reference else None
+
+
+def measure_action(action: str, seeds: int, duration: float, reference: ClipReference) -> ActionFigures:
+    """Figures of the motions of `seeds` seeds of an action, of `duration` [s]."""
+    motions: list[Motion] = []
+    first, seconds, reasons = 0, [], Counter[str]()
+    for seed in range(seeds):
+        start = time.process_time()
+        try:
+            for attempt, (motion, verdict) in enumerate(trials(action, duration, seed, MEAN_ADULT, Manner(), 1.0)):
+                first += attempt == 0 and verdict.true
+                if attempt == 0:
+                    reasons.update(reason.rsplit(":", 1)[0] for reason in verdict.reasons)
+                if verdict.true:
+                    motions.append(motion)
+                    break
+        except PromptError as error:
+            reasons.update([str(error)])
+        seconds.append(time.process_time() - start)
+    signals = [MotionSignals(motion) for motion in motions]
+    clips = reference.clips(action)
+    real = [reference.signals[clip.name] for clip in clips]
+    rows, real_rows = [poses(s) for s in signals], [poses(s) for s in real]
+    subjects = len({clip.subject for clip in clips})
+    part = min(_PART, float(np.median([s.duration for s in real])) if real else _PART)
+    variety = _spread(rows, _some(list(combinations(range(len(rows)), 2))), part)
+    others = [(a, b) for a, b in combinations(range(len(clips)), 2) if clips[a].subject != clips[b].subject]
+    among_clips = _spread(real_rows, _some(others), part) if subjects >= _SUBJECTS else None
+    near = [
+        min(aligned_distance(_part(row, part), each) for clip in real_rows for each in (clip, mirrored_poses(clip)))
+        for row in (rows[:20] if real_rows else [])
+    ]
+    accepted = frozenset(clip.action for clip in clips)
+    names = [reference.named(s, getattr(m, "clips", ()) or (), accepted) for s, m in zip(signals, motions, strict=True)]
+    names = [name for name in names if name is not None]
+    real_names = [reference.named(s, (clip.name,), accepted) for s, clip in zip(real[:40], clips[:40], strict=True)]
+    real_names = [name for name in real_names if name is not None]
+    speed, slide = _median([extremity_speed(s) for s in signals]), _median([standing_slide(s) for s in signals])
+    last = slice(-round(0.3 * RATE), None)
+    ends = [max(s.pelvis_height[last].mean(), s.head_height[last].mean()) for s in signals]
+    return ActionFigures(
+        sources=performable()[action],
+        seeds=seeds,
+        first=first / seeds,
+        true=len(motions) / seeds,
+        reasons=tuple(reasons.most_common(3)),
+        seconds=float(np.median(seconds)),
+        clips=len(clips),
+        subjects=subjects,
+        speed=speed,
+        speed_ratio=_over(speed, _median([extremity_speed(s) for s in real])),
+        slide=slide,
+        slide_clips=_median([standing_slide(s) for s in real]),
+        below=max((depth(s) for s in signals), default=0.0),
+        end_height=max(ends) if action in _FALLS and ends else None,
+        variety=variety,
+        variety_ratio=_over(variety, among_clips),
+        nearest=_median(near),
+        recognised=float(np.mean([name in accepted for name in names])) if names else None,
+        recognised_clips=float(np.mean([name in accepted for name in real_names])) if real_names else None,
+        taken_for=tuple(Counter(name for name in names if name not in accepted).most_common(3)),
+    )
+
+
+_COLUMNS = {
+    "true, first try": lambda f: f"{100 * f['first']:.0f} %",
+    "true": lambda f: f"{100 * f['true']:.0f} %",
+    "s a motion": lambda f: f"{f['seconds']:.2f}",
+    "limb speed [m/s]": lambda f: _number(f["speed"], 1),
+    "over clips'": lambda f: _number(f["speed_ratio"], 2),
+    "slide, clips' [cm/s]": lambda f: f"{_number(f['slide'], 1, 100)}, {_number(f['slide_clips'], 1, 100)}",
+    "below floor [cm]": lambda f: f"{100 * f['below']:.1f}",
+    "variety [cm]": lambda f: _number(f["variety"], 1, 100),
+    "over people's": lambda f: _number(f["variety_ratio"], 2),
+    "nearest clip [cm]": lambda f: _number(f["nearest"], 1, 100),
+    "recognised, clips": lambda f: f"{_number(f['recognised'], 0, 100)}, {_number(f['recognised_clips'], 0, 100)} %",
+}
+"""Heading and text of each column."""
+
+
+def _number(value: float | None, digits: int, scale: float = 1.0) -> str:
+    return "–" if value is None else f"{scale * value:.{digits}f}"
+
+
+def table(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Lines of a Markdown table of the figures of actions, as read from the JSON file."""
+    lines = [f"| action | {' | '.join(_COLUMNS)} |", "| --- " * (1 + len(_COLUMNS)) + "|"]
+    for action, figures in sorted(results.items()):
+        lines.append(f"| `{action}` | {' | '.join(column(figures) for column in _COLUMNS.values())} |")
+    return lines
+
+
+@plainly
+def main(
+    actions: Annotated[list[str] | None, typer.Option(help="Actions; all that can be performed by default.")] = None,
+    seeds: Annotated[int, typer.Option(min=2, help="Motions of each action.")] = 100,
+    duration: Annotated[float, typer.Option(min=1.0, help="Of a motion [s].")] = 6.0,
+    out: Annotated[Path, typer.Option(help="JSON file; figures of other actions in it are kept.")] = OUT,
+) -> None:
+    """Measure what `perform` makes of actions, beside the library's clips."""
+    unknown = [action for action in actions or () if action not in performable()]
+    if unknown:
+        raise ValueError(f"actions: {unknown[0]!r} cannot be performed; allowed are {', '.join(performable())}")
+    results = json.loads(out.read_text(encoding="utf-8"))["actions"] if out.exists() else {}
+    reference = ClipReference()
+    with progress_bar() as bar:
+        task = bar.add_task("actions", total=len(actions or performable()), note="")
+        for action in actions or performable():
+            results[action] = asdict(measure_action(action, seeds, duration, reference))
+            stored = {"duration": duration, "actions": dict(sorted(results.items()))}
+            out.write_text(json.dumps(stored, indent=1) + "\n", encoding="utf-8")
+            bar.update(task, advance=1, note=action)
+    Console(width=240).print("\n".join(table({action: results[action] for action in actions or performable()})))
+
+
+if __name__ == "__main__":
+    typer.run(main)
