@@ -1,10 +1,10 @@
-"""Fainting, slipping, stumbling."""
+"""Fainting, slipping, stumbling, sinking heavily onto a seat."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from rfgen_sionna.generative.action_definitions.changes_of_level import LAST, fastest_descent
+from rfgen_sionna.generative.action_definitions.changes_of_level import LAST, fastest_descent, seated
 from rfgen_sionna.generative.action_definitions.definition import (
     Definition,
     Requirements,
@@ -14,7 +14,7 @@ from rfgen_sionna.generative.action_definitions.definition import (
     easiest,
 )
 from rfgen_sionna.generative.action_definitions.motion_signals import STANDING, MotionSignals
-from rfgen_sionna.generative.action_definitions.sampled_series import RATE
+from rfgen_sionna.generative.action_definitions.sampled_series import RATE, rate_of, share
 
 
 def _upright_before(s: MotionSignals, when: int) -> Requirements:
@@ -94,5 +94,21 @@ def stumble(s: MotionSignals) -> Requirements:
     ]
 
 
-DEFINITIONS: tuple[Definition, ...] = (faint, slip, stumble)
+@defines(
+    "sit_down_heavily",
+    "Upright at first; the pelvis drops at 1 m/s or more and stops within 0.35 s; on a seat at the end.",
+    "whether the legs give way or the person lets go",
+)
+def sit_down_heavily(s: MotionSignals) -> Requirements:
+    speed = -rate_of(s.pelvis_height)
+    fastest = int(np.argmax(speed))
+    return [
+        *_upright_before(s, fastest),
+        at_least("fastest descent of the pelvis [m/s]", speed[fastest], 1.0),
+        at_most("slowest descent in the 0.35 s after it [m/s]", speed[fastest : fastest + 8].min(), 0.3),
+        at_least("share of the last 0.3 s on a seat", share(seated(s)[LAST]), 0.8),
+    ]
+
+
+DEFINITIONS: tuple[Definition, ...] = (faint, slip, stumble, sit_down_heavily)
 """Actions of this module."""
