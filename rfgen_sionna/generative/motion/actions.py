@@ -52,6 +52,10 @@ def _keyed(name: str, description: str, *, one_handed: bool = False, periodic: b
     return Action(name, description, partial(perform, what=GESTURES[name]), one_handed, periodic=periodic)
 
 
+def _with_side(name: str, side: str) -> Writer:
+    return partial(perform, what=GESTURES[name], side=side)
+
+
 _posture, _gesture = partial(Action, periodic=False), partial(Action, one_handed=True)
 ACTIONS: Mapping[str, Action] = MappingProxyType(
     {
@@ -61,21 +65,23 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             Action("jump", "jumps up on the spot", jumps.jump),
             Action("jumping_jacks", "does jumping jacks", jumps.jumping_jacks),
             _gesture("pick_up", "picks up an item from the ground", pick_up),
-            _posture("t_pose", "holds a T pose", postures.t_pose),
-            _posture("y_pose", "holds a Y pose", postures.y_pose),
-            _posture("left_arm_raised", "raises the left arm", partial(postures.arm_raised, side="left")),
-            _posture("right_arm_raised", "raises the right arm", partial(postures.arm_raised, side="right")),
+            _keyed("t_pose", "holds a T pose", periodic=False),
+            _keyed("y_pose", "holds a Y pose", periodic=False),
+            *(
+                _posture(f"{side}_arm_raised", f"raises the {side} arm", _with_side("arm_raised", side))
+                for side in SIDES
+            ),
             _posture("left_leg_raised", "raises the left leg", partial(postures.leg_raised, side="left")),
             _posture("right_leg_raised", "raises the right leg", partial(postures.leg_raised, side="right")),
             _gesture("swipe_left", "swipes to the left", partial(gestures.swipe, towards=1), crossing=True),
             _gesture("swipe_right", "swipes to the right", partial(gestures.swipe, towards=-1), crossing=True),
-            _gesture("push", "pushes a hand forwards", gestures.push),
-            _gesture("pull", "pulls a hand back", gestures.pull),
+            _keyed("push", "pushes a hand forwards", one_handed=True),
+            _keyed("pull", "pulls a hand back", one_handed=True),
             _gesture("circle_clockwise", "draws clockwise circles", partial(gestures.circle, clockwise=True)),
             _gesture(
                 "circle_counterclockwise", "draws counter-clockwise circles", partial(gestures.circle, clockwise=False)
             ),
-            _gesture("click", "clicks with the index finger", gestures.click),
+            _keyed("click", "clicks with the index finger", one_handed=True),
             _gesture("finger_swing", "swings the index finger", gestures.finger_swing),
             _posture("standing", "stands", postures.standing),
             # append only: random streams depend on the index of an action
@@ -111,9 +117,7 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             _keyed("shake_head", "shakes the head"),
             *(
                 _posture(
-                    f"{side}_arm_horizontal",
-                    f"holds the {side} arm out level",
-                    partial(perform, what=GESTURES["arm_horizontal"], side=side),
+                    f"{side}_arm_horizontal", f"holds the {side} arm out level", _with_side("arm_horizontal", side)
                 )
                 for side in SIDES
             ),

@@ -9,21 +9,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.keyed_gesture import (
     ARM_HOLDS,
     FIST,
     GRIP,
+    LOOSE_HAND,
     OPEN_HAND,
     POINTING,
     Key,
     KeyedGesture,
     Place,
+    Vector,
 )
 
 _HOLD = (Key((1.0, 2.0)),)
+_OUT: Place = ((0.28, 0.31), (-0.04, 0.0), (0.02, 0.04))
 _LEVEL_AHEAD: Place = ((0.46, 0.5), (-0.09, 0.06), (-0.045, 0.03))
 _LEVEL_ASIDE: Place = ((-0.04, 0.12), (0.46, 0.5), (-0.045, 0.03))
 _HANGS = {"hangs": (1.0, 1.0)}
+_STRETCHED: Vector = (-1.0, 0.35, -0.6)
+_LIFTED = np.array([[-0.15, 0.2, 0.1], *POINTING[1:]])
+_TAPPED = np.array([[0.5, 0.8, 0.4], *POINTING[1:]])
 
 # fmt: off
 GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
@@ -112,6 +121,47 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
         ),
         ((-0.02, 0.12), (0.02, 0.2), (0.42, 0.5)), fingers=(0.0, 0.05, 1.0), palm=(0.5, -1.0, 0.0), curl=OPEN_HAND,
         pole=(-0.3, 1.0, -0.2), other="mirror", rises=False, repeats=0.75,
+    ),
+    "push": KeyedGesture(
+        (
+            Key((0.3, 0.42), _OUT, body={"turn": (0.06, 0.14), "pitch": (0.0, 0.05)}),
+            Key((0.15, 0.35), _OUT, body={"turn": (0.06, 0.14), "pitch": (0.0, 0.05)}),
+            Key((0.7, 1.0)),
+            Key((0.1, 0.35)),
+        ),
+        ((0.16, 0.19), (-0.08, 0.08), (-0.15, -0.03)), fingers=(0.15, -0.1, 1.0), palm=(1.0, 0.0, 0.0), curl=OPEN_HAND,
+        rises=False, repeats=1.0,
+    ),
+    "pull": KeyedGesture(
+        (
+            Key((0.32, 0.45), curl=FIST, body={"turn": (-0.14, -0.06), "pitch": (-0.04, 0.0)}),
+            Key((0.15, 0.4), body={"turn": (-0.14, -0.06), "pitch": (-0.04, 0.0)}),
+            Key((0.75, 1.1), ((0.28, 0.31), (-0.08, -0.02), (0.06, 0.09)), curl=OPEN_HAND),
+            Key((0.18, 0.3), ((0.28, 0.31), (-0.08, -0.02), (0.06, 0.09)), curl=FIST),
+        ),
+        ((0.16, 0.19), (0.0, 0.11), (-0.25, -0.12)), palm=(0.0, -0.8, -0.6), rises=False, repeats=1.0,
+    ),
+    "click": KeyedGesture(
+        (
+            Key((0.12, 0.18), ((0.01, 0.03), (0.0, 0.0), (-0.01, 0.0)), curl=_TAPPED),
+            Key((0.05, 0.07), ((0.01, 0.03), (0.0, 0.0), (-0.01, 0.0)), curl=_TAPPED),
+            Key((0.16, 0.24), curl=_LIFTED),
+            Key((0.3, 0.7), curl=_LIFTED),
+        ),
+        ((0.3, 0.37), (-0.1, 0.02), (-0.15, -0.05)), fingers=(1.0, -0.1, 0.15), palm=(0.0, -0.1, -1.0), curl=_LIFTED,
+        rises=False, repeats=1.5, still=0.5,
+    ),
+    "arm_raised": KeyedGesture(
+        _HOLD, ((0.06, 0.26), (0.05, 0.2), (0.36, 0.46)), fingers=(0.1, 0.0, 1.0), palm=(0.6, -0.8, 0.0),
+        pole=(-0.5, 1.0, -0.6), curl=OPEN_HAND, body={"lean": (-0.05, 0.0)},
+    ),
+    "t_pose": KeyedGesture(
+        _HOLD, ((-0.02, 0.08), (0.47, 0.5), (-0.035, 0.03)), fingers=(0.05, 1.0, 0.0), palm=(0.1, 0.0, -1.0),
+        curl=OPEN_HAND, pole=_STRETCHED, other="mirror", rises=False,
+    ),
+    "y_pose": KeyedGesture(
+        _HOLD, ((0.0, 0.06), (0.3, 0.36), (0.33, 0.39)), fingers=(0.05, 0.7, 0.7), palm=(0.4, 0.5, -0.7),
+        curl=OPEN_HAND, pole=_STRETCHED, other="mirror", rises=False,
     ),
     "arm_horizontal": (
         KeyedGesture(_HOLD, _LEVEL_AHEAD, palm=(0.0, -0.3, -1.0), curl=OPEN_HAND),
@@ -240,5 +290,47 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
         None, flows=True, repeats=2.6,
     ),
 }
-# fmt: on
 """Gestures by name; the seed draws one of several."""
+
+
+def _circle(sense: int, curl: FloatArray) -> KeyedGesture:
+    """Circles up, outwards (`sense` 1) or inwards, down."""
+    places = ((0.0, 1.0), (float(sense), 0.0), (0.0, -1.0), (-float(sense), 0.0))
+    spans = [tuple((0.13 * x, 0.18 * x) if x >= 0.0 else (0.18 * x, 0.13 * x) for x in place) for place in places]
+    return KeyedGesture(
+        tuple(Key((0.25, 0.4), ((-0.02, 0.02), aside, up)) for aside, up in spans),
+        ((0.3, 0.35), (-0.08, 0.03), (-0.15, -0.06)), fingers=(1.0, -0.1, 0.2), palm=(0.0, -0.3, -1.0), curl=curl,
+        flows=True, rises=False, repeats=1.3,
+    )
+
+
+def _swipe(sense: int) -> KeyedGesture:
+    """Strokes outwards (`sense` 1) or inwards (-1)."""
+    end, begin = ((0.19, 0.24), (-0.24, -0.19))[::sense]
+    turned, back = ((-0.14, -0.05), (0.05, 0.14))[::sense]
+    return KeyedGesture(
+        (
+            Key((0.3, 0.45), ((0.0, 0.0), end, (0.0, 0.0)), body={"turn": turned}),
+            Key((0.12, 0.3), ((-0.03, -0.01), end, (-0.02, -0.01)), body={"turn": turned}),
+            Key((0.35, 0.5), ((-0.1, -0.04), (-0.02, 0.02), (-0.11, -0.05)), curl=LOOSE_HAND),
+            Key((0.35, 0.5), ((0.0, 0.0), begin, (0.0, 0.0)), body={"turn": back}),
+            Key((0.06, 0.15), ((0.0, 0.0), begin, (0.0, 0.0)), body={"turn": back}),
+        ),
+        ((0.27, 0.34), (-0.06, -0.02), (-0.17, -0.06)), fingers=(1.0, -0.1, 0.0), curl=OPEN_HAND, rises=False,
+        palm=(0.0, 0.3, -1.0) if sense > 0 else (0.0, -1.0, -0.1), repeats=1.0,
+    )
+
+
+CIRCLES = {sense: (_circle(sense, POINTING), _circle(sense, 3.0 * OPEN_HAND)) for sense in (1, -1)}
+"""By sense: 1 up and outwards, -1 up and inwards."""
+SWIPES = {sense: _swipe(sense) for sense in (1, -1)}
+"""By direction: 1 outwards, -1 inwards."""
+FINGER_SWING = KeyedGesture(
+    (
+        Key((0.22, 0.38), fingers=(0.05, 0.3, 1.0)),
+        Key((0.22, 0.38), fingers=(0.05, -0.3, 1.0)),
+    ),
+    ((0.22, 0.27), (0.0, 0.1), (0.0, 0.07)), palm=(1.0, 0.0, 0.0), curl=POINTING, pole=(-0.35, 0.15, -1.0), flows=True,
+    rises=False, repeats=2.0, still=0.5,
+)  # fmt: skip
+# fmt: on

@@ -134,10 +134,10 @@ def perform(
     ahead = 0.5 * s * rng.uniform(*what.stagger)
     for side in SIDES:
         tracks.feet[side].place[:, 0] -= side_sign(side) * ahead
-    times, states, total = _cycles(rng, what, manner, float(t[-1]))
-    rise = np.ones_like(t)
-    if what.rises and t[-1] >= 4.0 and rng.uniform() < 0.5:
-        rise = ease((t - rng.uniform(0.1, 0.5)) / (rng.uniform(0.6, 1.0) / manner.pace))
+    # draws of a rhythm depend on the length of the motion: they have a generator of their own
+    times, states, total = _cycles(np.random.default_rng(rng.integers(1 << 62)), what, manner, float(t[-1]))
+    hanging, begin, lasts = rng.uniform() < 0.5, rng.uniform(0.1, 0.5), rng.uniform(0.8, 1.4) / manner.pace
+    rise = ease((t - begin) / lasts) if what.rises and hanging and t[-1] >= 4.0 else np.ones_like(t)
     held = {name: rng.uniform(*what.body.get(name, (0.0, 0.0))) for name in _BODY}
     swings = [(hand, _between(t, times, states, what.flows), s)]
     other = SIDES[1 - SIDES.index(hand)]

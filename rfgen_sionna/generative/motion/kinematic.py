@@ -118,7 +118,7 @@ class KinematicSource:
         hand = drawn if hand is None else hand
         dense = int(np.ceil(_DENSE_RATE / self.frame_rate))
         t = np.arange(int(np.ceil(duration * self.frame_rate - 1e-9)) * dense + 1) / (self.frame_rate * dense)
-        tracks = MotionTracks(skeleton, t, rng.uniform(0.95, 1.35), rng.uniform(0.06, 0.2))
+        tracks = MotionTracks(skeleton, t, rng.uniform(0.8, 1.4), rng.uniform(0.04, 0.25))
         ACTIONS[action].write(tracks, rng, drawn if hand == "both" else hand, replace(manner, speed=speed))
         world, joints = (a[::dense] for a in tracks.solve())
         local = world.copy()

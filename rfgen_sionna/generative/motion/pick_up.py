@@ -24,7 +24,12 @@ def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: M
     squat = rng.uniform(0.28, 0.42) * leg
     stoop = rng.uniform(0.32, 0.5)
     down, hold, up = (rng.uniform(*r) / manner.pace for r in ((0.9, 1.3), (0.25, 0.55), (0.9, 1.4)))
-    clock = rng.uniform(0.1, 0.5) / manner.pace
+    clock, between = rng.uniform(0.1, 0.5) / manner.pace, (0.4 / manner.pace, 0.9 / manner.pace)
+    squeeze = min(1.0, 0.9 * float(t[-1]) / (clock + down + hold + up))  # a short motion holds it once
+    if manner.rate is not None:
+        squeeze = min(squeeze, 54.0 / manner.rate / (down + hold + up))
+        between = (60.0 / manner.rate - squeeze * (down + hold + up),) * 2
+    clock, down, hold, up = (squeeze * each for each in (clock, down, hold, up))
     times, low, grip = [0.0], [0.0], [(0.0, 0.0)]
     carried = 0.0
     while times[-1] <= t[-1]:
@@ -34,7 +39,7 @@ def pick_up(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: M
             times.append(clock)
             low.append(depth)
         grip += [(clock - up - hold, 1.0 - carried), (clock - up - 0.05, carried)]
-        clock += rng.uniform(0.4, 0.9) / manner.pace
+        clock += rng.uniform(*between)
     amount = keys(t, times, low)
     # trunk and head start before the knees
     early = keys(t + 0.08, times, low)

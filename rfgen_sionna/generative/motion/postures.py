@@ -1,4 +1,4 @@
-"""Standing and the held postures: T, Y, an arm or a leg raised."""
+"""Standing, and a leg held up."""
 
 from __future__ import annotations
 
@@ -8,30 +8,33 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.balance import fit_height, over_feet
 from rfgen_sionna.generative.motion.curves import keys, wander
-from rfgen_sionna.generative.motion.skeleton import SIDES
-from rfgen_sionna.generative.motion.tracks import ARM_POLE, MotionTracks
+from rfgen_sionna.generative.motion.skeleton import SIDES, side_sign
+from rfgen_sionna.generative.motion.tracks import MotionTracks
 
 
 def quiet(tracks: MotionTracks, rng: np.random.Generator, amount: float = 1.0) -> None:
-    """Postural sway, breathing and small movements of a standing person.
+    """Postural sway, breathing and small movements of a standing person, and how the person carries itself.
 
-    Sway of the trunk by about 5 mm rms (quiet stance), and 12 to 18 breaths a minute.
+    Sway of the trunk by about 5 mm rms (quiet stance), and 12 to 18 breaths a minute. Head and feet are as in the
+    library's clips of idle people (idle_*_genuine, accad_*_Stand): gaze 10 degrees up to 30 down and 20 to a side.
     """
     t = tracks.t
     tracks.sway[:, 0] += amount * wander(t, rng, 0.004)
     tracks.sway[:, 1] += amount * wander(t, rng, 0.003)
-    tracks.lean += amount * wander(t, rng, 0.006)
-    tracks.bend += amount * wander(t, rng, 0.008) + rng.uniform(-0.02, 0.05)
-    tracks.turn += amount * wander(t, rng, 0.012)
+    tracks.lean += amount * wander(t, rng, 0.006) + np.clip(rng.normal(0.0, 0.015), -0.03, 0.03)
+    tracks.bend += amount * wander(t, rng, 0.008) + rng.uniform(-0.03, 0.1)
+    tracks.turn += amount * wander(t, rng, 0.012) + np.clip(rng.normal(0.0, 0.04), -0.08, 0.08)
     tracks.yaw += amount * wander(t, rng, 0.006)
-    tracks.nod += amount * wander(t, rng, 0.03) + rng.uniform(-0.05, 0.08)
-    tracks.look += amount * wander(t, rng, 0.05, 0.05, 0.4)
-    tracks.tilt += amount * wander(t, rng, 0.015)
+    tracks.nod += amount * wander(t, rng, 0.03) + np.clip(rng.normal(0.1, 0.12), -0.15, 0.4)
+    tracks.look += amount * wander(t, rng, 0.05, 0.05, 0.4) + np.clip(rng.normal(0.0, 0.1), -0.25, 0.25)
+    tracks.tilt += amount * wander(t, rng, 0.015) + rng.normal(0.0, 0.02)
+    ahead = np.clip(rng.normal(0.0, 0.015), -0.04, 0.04)
     breath = 2.0 * np.pi * (rng.uniform(0.2, 0.3) * t + rng.uniform())
     tracks.shrug += (0.012 * np.sin(breath))[:, None]
     tracks.bend -= 0.006 * np.sin(breath)
     for side in SIDES:
         arm, hand = tracks.arms[side], tracks.hands[side]
+        tracks.feet[side].place[:, 0] += ahead * side_sign(side)
         arm.direction += amount * np.stack([wander(t, rng, 0.012), wander(t, rng, 0.008), np.zeros_like(t)], axis=-1)
         arm.elbow += amount * wander(t, rng, 0.02)
         hand.flexion += amount * wander(t, rng, 0.03)
@@ -39,12 +42,17 @@ def quiet(tracks: MotionTracks, rng: np.random.Generator, amount: float = 1.0) -
 
 
 def relaxed(tracks: MotionTracks, rng: np.random.Generator) -> None:
-    """Personal manner: angle of the arms to the side, bend of the elbows."""
-    wide, bent, ahead = rng.uniform(0.08, 0.2), rng.uniform(0.15, 0.4), rng.uniform(-0.03, 0.08)
+    """Personal manner of hanging arms: angle to the side and ahead, bend of the elbows.
+
+    As in the library's clips of idle people whose hands hang: elbows bent by 10 to 55 degrees, wrists 5 to 22 degrees
+    from hanging.
+    """
+    wide, ahead = rng.uniform(0.08, 0.22), rng.uniform(-0.05, 0.16)
+    bent = rng.gamma(4.0, 0.1)
     for side in SIDES:
-        tracks.arms[side].direction[:, 1] = wide + rng.uniform(-0.02, 0.02)
-        tracks.arms[side].direction[:, 0] = ahead + rng.uniform(-0.02, 0.02)
-        tracks.arms[side].elbow[:] = bent + rng.uniform(-0.05, 0.05)
+        tracks.arms[side].direction[:, 1] = wide + rng.uniform(-0.04, 0.04)
+        tracks.arms[side].direction[:, 0] = ahead + rng.uniform(-0.04, 0.04)
+        tracks.arms[side].elbow[:] = np.clip(bent + rng.uniform(-0.1, 0.1), 0.12, 1.0)
 
 
 def stand_up_straight(tracks: MotionTracks) -> None:
@@ -62,45 +70,6 @@ def standing(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: 
     fit_height(tracks)
 
 
-def lift_arm(tracks: MotionTracks, side: str, direction: FloatArray, elbow: float, amount: FloatArray) -> None:
-    """Turn an arm from hanging (`amount` 0) to `direction` (3,) (`amount` 1, (n,)) by the smallest rotation."""
-    arm = tracks.arms[side]
-    start = arm.direction / np.linalg.norm(arm.direction, axis=-1, keepdims=True)
-    goal = direction / np.linalg.norm(direction)
-    angle = np.arccos(np.clip(start @ goal, -1.0, 1.0))[:, None]
-    a = amount[:, None]
-    arm.direction = (np.sin((1.0 - a) * angle) * start + np.sin(a * angle) * goal) / np.sin(angle)
-    arm.elbow += (elbow - arm.elbow) * amount
-
-
-def _both_arms(tracks: MotionTracks, rng: np.random.Generator, elevation: float) -> None:
-    tilt = np.clip(rng.normal(0.0, np.radians(1.5)), -0.05, 0.05)
-    for side in SIDES:
-        e = elevation + np.clip(rng.normal(0.0, np.radians(2.0)), -0.06, 0.06) + wander(tracks.t, rng, np.radians(1.2))
-        forward = rng.uniform(0.0, 0.12) + wander(tracks.t, rng, 0.01)
-        e = e + (tilt if side == "left" else -tilt)
-        tracks.arms[side].direction = np.stack([forward, np.cos(e), np.sin(e)], axis=-1)
-        tracks.arms[side].elbow[:] = rng.uniform(0.05, 0.15) + wander(tracks.t, rng, 0.01)
-        hand = tracks.hands[side]
-        hand.pronation[:] = rng.uniform(-0.2, 0.2)
-        hand.flexion[:] = rng.uniform(-0.1, 0.1)
-        hand.curl *= rng.uniform(0.1, 0.5)
-
-
-def t_pose(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
-    """Both arms held out sideways at shoulder height."""
-    quiet(tracks, rng, 1.0)
-    _both_arms(tracks, rng, np.radians(rng.uniform(-3.0, 3.0)))
-    stand_up_straight(tracks)
-
-
-def y_pose(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
-    """Both arms held up and out, like a Y."""
-    quiet(tracks, rng, 1.0)
-    _both_arms(tracks, rng, np.radians(rng.uniform(42.0, 55.0)))
-    stand_up_straight(tracks)
-
-
 def hold_envelope(
     t: FloatArray, rng: np.random.Generator, pace: float, rise: tuple[float, float], shift: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
@@ -110,8 +79,8 @@ def hold_envelope(
         (n,) height, 0 .. 1, and (n,) weight on the other side, 0 .. 1; the weight shifts `shift` [s] before the limb.
     """
     up, shift = rng.uniform(*rise) / pace, shift / pace
-    times, lifted, weight = [0.0], [0.0], [0.0]
-    clock = rng.uniform(0.05, 0.3) / pace
+    clock = min(rng.uniform(0.05, 0.3) / pace, 0.4 * float(t[-1]) - up - shift)  # short motions begin on the way
+    times, lifted, weight = [min(clock, 0.0) - 1e-3], [0.0], [0.0]
     while times[-1] <= t[-1]:
         hold, rest = rng.uniform(3.5, 6.0) / pace, rng.uniform(0.5, 1.2) / pace
         steps = [(0.0, 0.0, 0.0), (shift, 0.0, 1.0), (up, 1.0, 1.0), (hold, 1.0, 1.0), (up * 1.1, 0.0, 1.0)]
@@ -125,32 +94,14 @@ def hold_envelope(
     return keys(t, times, lifted), keys(t, times, weight)
 
 
-def arm_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner, side: str) -> None:
-    """An arm rises and stays up."""
-    relaxed(tracks, rng)
-    quiet(tracks, rng, 1.0)
-    amount, _ = hold_envelope(tracks.t, rng, manner.pace, (0.6, 1.1))
-    out, high = np.radians(rng.uniform(15.0, 50.0)), np.radians(rng.uniform(50.0, 75.0))
-    direction = np.array([np.cos(out) * np.cos(high), np.sin(out) * np.cos(high), np.sin(high)])
-    tracks.arms[side].pole = (
-        np.tile([-0.5, 1.0, -0.6], (tracks.n, 1)) * amount[:, None] + ARM_POLE * (1 - amount)[:, None]
-    )
-    lift_arm(tracks, side, direction, rng.uniform(0.1, 0.35), amount)
-    tracks.arms[side].direction += 0.01 * np.stack([wander(tracks.t, rng, 1.0) for _ in range(3)], axis=-1)
-    palm = tracks.hands[side]
-    palm.pronation += amount * rng.uniform(-0.2, 0.7)
-    palm.curl *= (1.0 - 0.7 * amount)[:, None, None]
-    tracks.lean += amount * rng.uniform(0.0, 0.05) * (1 if side == "left" else -1)
-    stand_up_straight(tracks)
-
-
 def leg_raised(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner, side: str) -> None:
     """A leg is lifted forwards and held, with balance on the other."""
     relaxed(tracks, rng)
     quiet(tracks, rng, 1.2)
     sk, foot = tracks.skeleton, tracks.feet[side]
     amount, shifted = hold_envelope(tracks.t, rng, manner.pace, (0.7, 1.2), rng.uniform(0.4, 0.55))
-    hip, knee = np.radians(rng.uniform(65.0, 90.0)), np.radians(rng.uniform(30.0, 90.0))
+    hip = np.radians(np.clip(rng.uniform(65.0, 90.0) * manner.size, 35.0, 95.0))
+    knee = np.radians(rng.uniform(30.0, 90.0))
     hip_angle = hip * amount * (1.0 + 0.02 * wander(tracks.t, rng, 1.0))
     knee_angle = knee * np.sin(np.pi * np.minimum(amount, 1.0)) * 0.25 + knee * amount
     thigh, shank = sk.length(f"{side}_knee"), sk.length(f"{side}_ankle")
