@@ -58,6 +58,12 @@ _STILL = 0.35
 
 _RATIOS = (0.5, 1.7)
 """Factors on the speed over the floor of a clip."""
+_SHORTEST_WAY = 3.1
+"""Way of a walk that turns back or goes around [m]."""
+_SLOWEST_RUN = 1.9
+"""Slowest mean speed of a run [m/s]."""
+_SLOWEST_CLIP = 1.45
+"""Slowest speed of a clip of a run [m/s]; slower ones hardly leave the floor."""
 _ROOM = 4.0
 """Longest way of a clip that is taken as it is [m]."""
 _GAITS = MappingProxyType(
@@ -111,11 +117,18 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
     if path is None:
         motion = _repeated(action, window, mirror, pace, count, rng, names)
         return Draft(_resized(motion, action, size, uneven), tuple(dict.fromkeys(names)))
-    if manner.speed_mps is not None:
+    own = [each.speed for each in windows().get(action, ()) if action in _GAITS]
+    asked = manner.speed_mps
+    if asked is None and own:
+        asked = float(own[int(rng.integers(len(own)))] * rng.uniform(*PACES)) * manner.pace * manner.size
+        asked = max(asked, min(_SHORTEST_WAY / duration, 1.5))
+    elif asked is None and action == "run":
+        asked = max(window.speed * pace * size, _SLOWEST_RUN)
+    if asked is not None:
         # half of the change of speed by cadence, half by the length of the steps
-        ratio = manner.speed_mps / max(window.speed, 0.05)
+        ratio = asked / max(window.speed, 0.05)
         pace, size = float(np.sqrt(ratio)), float(np.sqrt(ratio))
-        if not _RATIOS[0] <= ratio <= _RATIOS[1]:
+        if manner.speed_mps is not None and not _RATIOS[0] <= ratio <= _RATIOS[1]:
             speeds = [each.speed for each in windows()[_GAITS.get(action, action)]]
             raise PromptError(
                 f"speed: {manner.speed_mps:g} m/s with {action!r}; allowed are {_RATIOS[0] * min(speeds):.2g} to "
@@ -123,7 +136,7 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
             )
     gait = _repeated(_GAITS.get(action, action), window, mirror, pace, count + 1, rng, names, steady=True)
     speed = own_speed(gait)
-    wanted = size * speed if manner.speed_mps is None else manner.speed_mps
+    wanted = size * speed if asked is None else asked
     stops = Stops.drawn(count, RATE, rng, manner.pauses)
     way = floor_way(path, duration, wanted, gait_period(gait), rng)
     gait = _resized(gait, action, 1.0, uneven)
@@ -176,6 +189,8 @@ def choose(
         # the action must end within the time
         short = [each for each in options if (each.stop - each.start) / RATE <= duration * PACES[1]]
         options = short or [min(options, key=lambda each: each.stop - each.start)]
+    if action == "run":
+        options = [each for each in options if each.speed > _SLOWEST_CLIP]
     if manner.speed_mps is not None:
         near = sorted(options, key=lambda each: abs(np.log(max(each.speed, 0.05) / manner.speed_mps)))
         options = near[: max(6, len(near) // 6)]

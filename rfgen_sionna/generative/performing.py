@@ -13,12 +13,12 @@ from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSi
 from rfgen_sionna.generative.library_source import draft
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, KinematicSource, Skeleton
-from rfgen_sionna.generative.motion.clip_editing import placed
+from rfgen_sionna.generative.motion.clip_editing import joint_places, placed
 from rfgen_sionna.generative.motion.floor_contact import keep_body_above_floor
 from rfgen_sionna.generative.motion.foot_lock import lock_feet
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.motion.resampling import resample_motion
-from rfgen_sionna.generative.motion.skeleton import NUM_BODY_JOINTS
+from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, SIDES
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.repertoire import OFF_THE_FLOOR, WAYS, windows
 from rfgen_sionna.records import Motion
@@ -29,6 +29,8 @@ FRAME_RATE = 60.0
 """Poses per second of a varied motion of clips [Hz]."""
 SHORTEST = 1.0
 """Length from which motions are checked [s]: shorter ones hold no whole action."""
+_MOVES = 0.5
+"""Speed from which a foot is not planted [m/s]."""
 EXACT = frozenset({"t_pose"})
 """Actions whose rules are more exact than their clips."""
 
@@ -112,7 +114,19 @@ def _from_clips(action: str, duration: float, seed: int, body: Skeleton, manner:
     motion = resample_motion(motion, FRAME_RATE)
     if action in OFF_THE_FLOOR:
         return motion
-    return keep_body_above_floor(lock_feet(motion, body))
+    return with_still_contacts(keep_body_above_floor(lock_feet(motion, body)))
+
+
+def with_still_contacts(motion: Motion) -> Motion:
+    """The motion without contacts of feet that move."""
+    if motion.contacts is None:
+        return motion
+    places = joint_places(motion)
+    speeds = [
+        np.linalg.norm(np.gradient(places[:, [JOINT[f"{side}_{name}"] for side in SIDES], :2], axis=0), axis=-1)
+        for name in ("ankle", "foot")
+    ]
+    return replace(motion, contacts=motion.contacts & (np.minimum(*speeds) * motion.frame_rate < _MOVES))
 
 
 def on_skeleton(motion: Motion, skeleton: Skeleton) -> Motion:

@@ -43,6 +43,8 @@ _BORROWED = MappingProxyType(
     }
 )
 """Action -> actions of clips that hold it, too."""
+_LEFT_OUT = MappingProxyType({"carry": ("carry_run",)})
+"""Action -> actions of clips that show it in another way than is meant."""
 _MANY = 3
 """Most windows of a clip."""
 _LENGTHS = (0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
@@ -63,6 +65,7 @@ def candidates(library: MotionLibrary) -> dict[str, list[LibraryClip]]:
             clip
             for clip in library
             if clip.name not in read_wrong()
+            and clip.action not in _LEFT_OUT.get(action, ())
             and (
                 clip.action in (action, *borrowed)
                 if action not in clips

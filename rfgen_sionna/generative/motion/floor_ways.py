@@ -50,17 +50,38 @@ class Stops:
         return cls(pace)
 
 
-def own_way(motion: Motion) -> FloatArray:
-    """(frame, 2) way of the pelvis without steps and sway [m]."""
-    points, width = motion.translation[:, :2], _STEP * motion.frame_rate
+def straightened(motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The way of a gait as if it went straight along +x.
+
+    Returns:
+        (frame,) direction of the way, continuous [rad]; (frame, 2) places, turned back step by step [m]; (frame, 2) the
+        same without steps and sway.
+    """
+    level = motion.translation[:, :2]
+    course = _course(motion)
+    step = np.diff(level, axis=0)
+    angle = -0.5 * (course[1:] + course[:-1])
+    c, s = np.cos(angle), np.sin(angle)
+    turned = np.stack([c * step[:, 0] - s * step[:, 1], s * step[:, 0] + c * step[:, 1]], axis=-1)
+    places = np.concatenate([np.zeros((1, 2)), np.cumsum(turned, axis=0)])
+    return course, places, _smooth(places, _STEP * motion.frame_rate)
+
+
+def _smooth(points: FloatArray, width: float) -> FloatArray:
     margin = min(int(4 * width), len(points) - 1)
     wide = np.pad(points, ((margin, margin), (0, 0)), mode="reflect", reflect_type="odd")
     return np.asarray(gaussian_filter1d(wide, width, axis=0, mode="nearest")[margin : margin + len(points)])
 
 
+def own_way(motion: Motion) -> FloatArray:
+    """(frame, 2) way of the pelvis without steps and sway [m]."""
+    return _smooth(motion.translation[:, :2], _STEP * motion.frame_rate)
+
+
 def own_speed(motion: Motion) -> float:
     """Mean speed along the way [m/s]."""
-    return float(np.linalg.norm(np.diff(own_way(motion), axis=0), axis=1).sum() / max(motion.duration, 1e-9))
+    _, _, middle = straightened(motion)
+    return float(np.linalg.norm(np.diff(middle, axis=0), axis=1).sum() / max(motion.duration, 1e-9))
 
 
 def gait_period(motion: Motion) -> float:
@@ -84,7 +105,7 @@ def floor_way(kind: str, end: float, speed: float, period: float, rng: np.random
     if kind == "straight":
         heading = np.zeros_like(t)
     elif kind == "circle":
-        widest = max(speed * end / (2.2 * np.pi), 0.5)  # around and a little more
+        widest = max(speed * end / (2.25 * np.pi), 0.4)  # around and a little more
         radius = max(min(rng.uniform(0.9, 1.6), widest), speed**2 / _CENTRIPETAL)
         heading = sense * speed * t / radius
     else:
@@ -143,15 +164,15 @@ def along(motion: Motion, path: WalkPath, speed: float, size: float, stops: Stop
     rate = motion.frame_rate
     phase = _sum(ease(stops.pace / 0.4), rate)
     gait = at_times(motion, phase)
-    middle = own_way(motion)
+    course, places, middle = straightened(motion)
     at = np.arange(len(middle)) / rate
-    own = np.stack([np.interp(phase, at, middle[:, k]) for k in range(2)], axis=-1)
+    sway = np.stack([np.interp(phase, at, (places - middle)[:, k]) for k in range(2)], axis=-1)
     # the way goes on as the gait does, faster and slower
     pace = np.linalg.norm(np.gradient(middle, axis=0), axis=1) * rate
     gone = _sum(stops.pace * np.interp(phase, at, pace / max(pace.mean(), 1e-9)), rate)
     x, y, heading = path.at(gone)
     share = np.interp(gone, path.t, path.speed) / speed * stops.pace
-    course = np.interp(phase, at, _course(motion))
+    course = np.interp(phase, at, course)
     count = len(phase)
     steps = np.minimum(size * share, 1.3)
     legs = np.ones((count, len(motion.joint_names)))
@@ -162,8 +183,8 @@ def along(motion: Motion, path: WalkPath, speed: float, size: float, stops: Stop
             legs[:, k] = 0.3 + 0.7 * np.minimum(steps, 1.0)
     gait = scaled(gait, legs, 1.0)
     turn = heading - course
-    cos, sin = np.cos(turn), np.sin(turn)
-    dx, dy = (gait.translation[:, :2] - own).T
+    cos, sin = np.cos(heading), np.sin(heading)
+    dx, dy = sway.T
     translation = np.column_stack([x + cos * dx - sin * dy, y + sin * dx + cos * dy, gait.translation[:, 2]])
     rotations = gait.rotations.copy()
     rotations[:, 0] = (Rotation.from_euler("z", turn[:, None]) * Rotation.from_quat(rotations[:, 0])).as_quat()
@@ -195,11 +216,11 @@ def steady_part(motion: Motion, start: int, stop: int) -> tuple[int, int]:
 
 def _course(motion: Motion) -> FloatArray:
     """(frame,) direction of a gait's own way, continuous [rad]; where it stands, its heading."""
-    step = np.gradient(own_way(motion), axis=0) * motion.frame_rate
+    step = np.gradient(_smooth(motion.translation[:, :2], 0.5 * _STEP * motion.frame_rate), axis=0)
     facing = headings(motion)
     direction = np.arctan2(step[:, 1], step[:, 0])
     # the angle between way and heading changes slowly: sideways and backwards stay so
     offset = np.exp(1j * (direction - facing)) * np.linalg.norm(step, axis=1)
     smooth = gaussian_filter1d(offset, 20.0, mode="nearest")
-    slow = gaussian_filter1d(facing, _STEP * motion.frame_rate, mode="nearest")
+    slow = gaussian_filter1d(facing, 0.5 * _STEP * motion.frame_rate, mode="nearest")
     return np.asarray(slow + np.unwrap(np.angle(smooth)), np.float64)

@@ -11,7 +11,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.resampling import runs
-from rfgen_sionna.generative.motion.rotations import X, to_matrices, to_quaternions, transpose
+from rfgen_sionna.generative.motion.rotations import X, normalised, to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import (
     JOINT,
     MEAN_ADULT,
@@ -34,6 +34,10 @@ _RIDE = 0.06
 """Width of the smoothing of the pelvis' height [s]."""
 _SWINGS = 2.0
 """Speed of a foot from which its contact loses weight, to none at twice that [m/s, mean adult]."""
+_BENT = 0.08
+"""Distance of the knee from the line from hip to ankle from which it gives the direction of the bend [m]."""
+_STRAIGHT = 0.992
+"""Share of the leg's length to which it is stretched for a foot's place; the knee pops in straighter ones."""
 _CLEAR = 0.018
 """Clearance of a swinging foot at mid-swing [m]."""
 _RELEASE = 0.07
@@ -86,10 +90,12 @@ def lock_feet(
             least = _swing_height(~contacts[:, i], motion.frame_rate)
         shift[:, 2] = np.maximum(shift[:, 2], least - low[:, i])
         lengths = skeleton.length(f"{side}_knee"), skeleton.length(f"{side}_ankle")
-        start, end, pole = places[:, hip], places[:, ankle], world[:, hip] @ X
+        start, end = places[:, hip], places[:, ankle]
+        pole = _bend(places[:, knee] - start, end - start, world[:, hip] @ X)
         # relative to the solution without shift, so that a zero shift turns nothing
         _, *before = two_bone(start, end, pole, *lengths)
-        _, *after = two_bone(start, end + hold[:, None] * shift, pole, *lengths)
+        target = _within_reach(start, end, end + hold[:, None] * shift, sum(lengths))
+        _, *after = two_bone(start, target, pole, *lengths)
         for joint, old, new in zip((hip, knee), before, after, strict=True):
             world[moved, joint] = ((new @ transpose(old)) @ world[:, joint])[moved]
     local = world.copy()
@@ -127,6 +133,24 @@ def root_from_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
     root = motion.translation.copy()
     root[1:, :2] -= np.cumsum(slip, axis=0)
     return replace(motion, translation=root)
+
+
+def _within_reach(start: FloatArray, end: FloatArray, target: FloatArray, longest: float) -> FloatArray:
+    """(frame, 3) targets of an ankle that stretch the leg further than it is only softly, up to nearly straight."""
+    own, wanted = np.linalg.norm(end - start, axis=-1), np.linalg.norm(target - start, axis=-1)
+    room = np.maximum(_STRAIGHT * longest - own, 1e-3)
+    more = np.maximum(wanted - own, 0.0)
+    reached = np.where(more > 0.0, own + room * np.tanh(more / room), wanted)
+    return start + (target - start) * (reached / np.maximum(wanted, 1e-9))[:, None]
+
+
+def _bend(thigh: FloatArray, leg: FloatArray, ahead: FloatArray) -> FloatArray:
+    """(frame, 3) direction in which the knee is off the line from hip to ankle; that of `ahead` for a straight leg."""
+    u = normalised(leg)
+    off = thigh - np.sum(thigh * u, axis=-1, keepdims=True) * u
+    size = np.linalg.norm(off, axis=-1, keepdims=True)
+    bent = np.clip(size / _BENT, 0.0, 1.0)
+    return bent * off / np.maximum(size, 1e-9) + (1.0 - bent) * ahead
 
 
 def _clearance(places: FloatArray, world: FloatArray, skeleton: Skeleton, side: str) -> FloatArray:
