@@ -10,6 +10,8 @@ from functools import cache
 from rfgen_sionna.generative.action_catalogue import ACTION_CLAUSES
 from rfgen_sionna.generative.prompts.action_reader import ActionReader, ActionReading
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.generative.prompts.text_reader import AFTERWARDS
+from rfgen_sionna.generative.prompts.vocabulary import FILLERS
 from rfgen_sionna.generative.prompts.word_order import FAMILIES, limb_side
 
 _PART_WORDS = {
@@ -18,6 +20,13 @@ _PART_WORDS = {
 }  # fmt: skip
 _NAME_PARTS = frozenset({"left", "right", "arm", "leg", "swipe", "circle", "clockwise", "counterclockwise"})
 _SMALL = frozenset({"the", "a", "an", "to", "of", "or", "and", "his", "her", "their"})
+
+
+_NO_NEWS = FILLERS | {
+    "hand", "hands", "arm", "arms", "leg", "legs", "foot", "feet", "back", "forth", "left", "right", "up", "down",
+    "towards", "toward", "leftwards", "rightwards", "forward", "forwards", "backwards", "t", "y", "kept", "both",
+}  # fmt: skip
+"""Words whose absence from the wordings of an action means nothing."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +66,17 @@ def choose_action(clauses: Sequence[str], prompt: str) -> ActionChoice:
         raise PromptError(
             f"action: {prompt!r} cannot be done: {reading.reason}; the nearest that can be done are: {near}"
         )
+    sides = set(re.findall(r"\b(left|right)\b", phrase))
+    mirrored = {"left", "right"} & set("_".join((*reading.options, reading.action)).split("_"))
+    sequence = AFTERWARDS.search(phrase) is not None
+    if len(sides) == 2 and len(parts) == 1 and (sequence or (len(reading.options) > 1 and mirrored)):
+        raise PromptError(
+            f'action: {prompt!r} names several, to the left and to the right; name one, or write "left or right" to '
+            "have one drawn"
+        )
     arms = _open(reading.arms, phrase) if reading.arms else ()
-    return ActionChoice(reading.options or (reading.action,), arms, reading.side, reading.unknown, phrase)
+    lost = tuple(word for word in reading.unknown if word not in _NO_NEWS)
+    return ActionChoice(reading.options or (reading.action,), arms, reading.side, lost, phrase)
 
 
 def named_actions(phrase: str) -> frozenset[str]:

@@ -237,7 +237,7 @@ def read_scenes(reader: Reader) -> list[tuple[str, str]]:
         # Common words such as "box" name a scene after "in a" or alone between commas.
         if scene in _COMMON_WORDS:
             inside = vocabulary.SCENE_PREFIX if found else vocabulary.SCENE_PREFIX.replace("|or", "")
-            here, alone = (rf"<a>(?P<{name}>(?:{vocabulary.HOW} )*)(?:{pattern})" for name in ("how", "how2"))
+            here, alone = (rf"<a>(?P<{name}>(?:{vocabulary.HOW} )*?)(?:{pattern})" for name in ("how", "how2"))
             take(rf"{inside} {here}|(?:(?<=, )|^){alone}(?= ,|$)", scene)
         else:
             take(rf"(?:(?:in|inside|within|at) <a>)?(?:{pattern})", scene)

@@ -5,8 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna.generative.prompts.caption_encoder import CaptionEncoder
 
 ADULT = frozenset({"young adult", "middle-aged", "elderly"})
 _MALE, _FEMALE = frozenset({"male"}), frozenset({"female"})
@@ -60,13 +64,13 @@ PLURAL = (
 """Pattern of several people."""
 _HUMAN = (
     "man woman worker nurse child athlete soldier grandmother farmer officer student musician visitor thief king "
-    "customer teenager engineer dancer neighbour"
+    "customer teenager engineer dancer neighbour baker merchant priest criminal comedian lawyer hero gardener artist"
 )
 _OTHER = (
-    "dog elephant robot machine computer truck chair tree bottle stone cloud house fish insect helicopter lamp ladder "
-    "ball shadow doll"
+    "dog elephant robot machine computer bus chair tree bottle stone cloud house fish insect helicopter lamp ladder "
+    "ball shadow doll excavator statue monster bread leaf festival snow"
 )
-_NEAREST = 3
+_NEAREST = 5
 """Nouns of each kind that count."""
 
 
@@ -78,15 +82,12 @@ def is_human(noun: str) -> bool:
     Raises:
         ImportError: the packages of the encoder are missing.
     """
-    import numpy as np
-
-    from rfgen_sionna.generative.prompts.caption_encoder import CaptionEncoder
-
-    def phrases(nouns: Iterable[str]) -> list[str]:
-        return [f"{'an' if each[0] in 'aeiou' else 'a'} {each}" for each in nouns]
-
-    humans, others = _HUMAN.split(), _OTHER.split()
-    vectors = CaptionEncoder().embed(phrases((noun, *humans, *others)))
-    near = vectors[1:] @ vectors[0]
-    human, other = (np.sort(part)[-_NEAREST:].mean() for part in (near[: len(humans)], near[len(humans) :]))
+    vector = _encoded((noun,))[0]
+    human, other = (np.sort(_encoded(tuple(nouns.split())) @ vector)[-_NEAREST:].mean() for nouns in (_HUMAN, _OTHER))
     return bool(human > other)
+
+
+@cache
+def _encoded(nouns: tuple[str, ...]) -> NDArray[np.float32]:
+    """Vectors (noun, width) of nouns with their articles."""
+    return CaptionEncoder().embed([f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}" for noun in nouns])

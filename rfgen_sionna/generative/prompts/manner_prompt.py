@@ -49,6 +49,13 @@ AMPLITUDES: tuple[tuple[float, str], ...] = (
     *(
         (
             factor,
+            rf"(?:with|in|using|making|makes) <a>(?:{words}) (?:movements?|motions?|gestures?|amplitudes?|range of motion)",
+        )
+        for factor, words in _SIZES
+    ),
+    *(
+        (
+            factor,
             rf"(?<!in )(?<!in a )(?<!along a )(?<!around a )(?:{words})(?: ,)?(?= (?:[a-z]+ ){{0,1}}?{_MOVEMENT}(?!\w))",
         )
         for factor, words in _SIZES
@@ -94,7 +101,7 @@ _NOW_AND_THEN = (
 PAUSES = (
     rf"(?:and )?(?:with|making|taking|including|makes|takes) (?:(?:some|short|brief|occasional|a few|several|regular|frequent|long|a|the) )*(?:pauses?|breaks?|stops|rests)(?: {_NOW_AND_THEN})?"
     rf"|(?:and |while )?(?:pausing|stopping|halting|resting|pauses|stops|halts|rests) {_NOW_AND_THEN}"
-    r"|(?:occasionally|sometimes|repeatedly) (?:pausing|stopping|halting|pauses|stops)|stop and go|with interruptions|intermittently|(?:and )?pausing"
+    r"|(?:occasionally|sometimes|repeatedly) (?:pausing|stopping|halting|pauses|stops)|stop and go|with interruptions|intermittently|(?:and )?pausing|and (?:(?:some|short|brief|occasional|a few|several) )*pauses?"
 )
 """Stops on the way."""
 _HIS = r"(?:<a>)"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,10 +33,17 @@ from rfgen_sionna.generative.prompts.quantities import (
 from rfgen_sionna.generative.prompts.scene_prompt import CLIP, ScenePrompt, check_seed
 from rfgen_sionna.generative.prompts.text_reader import negation_in, split_negative
 from rfgen_sionna.generative.prompts.vocabulary import WAYS as WAY_ANGLES
-from rfgen_sionna.generative.repertoire import WAYS
+from rfgen_sionna.generative.repertoire import HELD, WAYS
 
 _ONE_HANDED = frozenset({"drink", "phone", "point", "punch", "put_down", "reach", "throw", "wash_window", "wave"})
 """Actions of clips with one hand, beside those of the rules."""
+POSTURE_ACTIONS = {
+    "on_hips": "arms_on_hips", "folded": "arms_folded", "behind_back": "hands_behind_back",
+    "in_pockets": "hands_in_pockets",
+}  # fmt: skip
+"""Posture of the arms -> action of somebody who stands so."""
+_HELD = HELD | {name for name, each in ACTIONS.items() if not each.periodic}
+"""Actions without repetition."""
 _BACKWARDS = frozenset({"walk_backwards", "run_backwards", "fall_backward"})
 _SIDEWAYS = frozenset({"sidestep", "fall_sideways"})
 _GESTURES = frozenset({"push", "pull", "throw", "point", "reach"})
@@ -75,6 +83,10 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
     if denied.targets and not denied.reader.understood:
         raise PromptError(f"negative prompt: {denied.targets[0]!r} forbids the only target that is known, a person")
     origins = {"target": PROMPT if said.targets else DEFAULT, "action": PROMPT}
+    one = {name: _one(said, denied, name) for name in ("pace", "amplitude", "arm posture")}
+    surroundings = _surroundings(said, denied)
+    if surroundings is not None:
+        origins["surroundings"] = PROMPT
     forbidden = {phrase: named_actions(phrase) for phrase in denied.clauses()}
     reader = said.reader
     vital = {"breathing", "heart"} & reader.found.keys()
@@ -86,6 +98,7 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
     mapped = dict(_on_the_way(each, said) for each in choice.options)
     action, options = _draw("action", tuple(mapped), forbidden, seed, negative, prompt, origins)
     path = mapped[action]
+    repeated = () if clip or action not in _HELD else tuple(words for words, _ in reader.found.get("repeated", []))
     arms = ""
     if choice.arms:
         arms, _ = _draw("arms", choice.arms, forbidden, seed, negative, prompt, origins)
@@ -97,15 +110,12 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
             said.body.values[quantity.name] = reader.found[quantity.name][0][0], value
     body, from_words = draw_body(said.body, denied.body, seed)
     values = {q.name: q.draw(reader, seed, origins) for q in (DISTANCE, AZIMUTH, SPEED, RATE, BREATHING, HEART)}
-    one = {name: _one(said, denied, name) for name in ("pace", "amplitude", "arm posture")}
-    surroundings = _surroundings(said, denied)
-    if surroundings is not None:
-        origins["surroundings"] = PROMPT
     said_so = {"speed": one["pace"], "path": path} | {name: reader.one(name) for name in ("tired", "pauses")} | one
     origins |= {name: PROMPT for name, value in said_so.items() if value is not None and name not in origins}
     manner = Manner(
         speed=one["pace"] if values["speed"] is None else None, speed_mps=values["speed"], amplitude=one["amplitude"],
-        rate=values["rate"], path=path, pauses="pauses" in reader.found, arm_posture=one["arm posture"],
+        rate=values["rate"], path=path, pauses="pauses" in reader.found,
+        arm_posture=None if action in POSTURE_ACTIONS.values() else one["arm posture"],
         tired="tired" in reader.found, hand=hand,
     )  # fmt: skip
     return ScenePrompt(
@@ -113,13 +123,13 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
         distance_m=values["distance"], bearing_deg=values["azimuth"], body=body, manner=manner, arms=arms,
         surroundings=surroundings, breathing_rate=values["breathing"], heart_rate=values["heart"], notes=notes,
         understood=(
-            *reader.understood,
+            *(each for each in reader.understood if each[0] not in repeated),
             *(((choice.known, f"action {action}{f', arms {arms}' if arms else ''}"),) if choice.known else ()),
             *((words, f"not {meaning}") for words, meaning in denied.reader.understood),
             *((words, f"not {' or '.join(sorted(named))}") for words, named in forbidden.items() if named),
         ),
         unused=(
-            *said.lost, *choice.lost, *hands_lost, *denied.lost,
+            *said.lost, *choice.lost, *hands_lost, *repeated, *denied.lost,
             *(phrase for phrase, named in forbidden.items() if not named),
         ),
         origins=origins | from_words,
@@ -129,14 +139,14 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
 def _chosen(said: PersonWords, prompt: str, vital: bool) -> ActionChoice:
     """Actions of the clauses; a person with nothing but vital signs or a posture of the arms stands."""
     clauses = said.clauses()
-    if not clauses and (vital or "arm posture" in said.reader.found):
-        return ActionChoice(("standing",))
-    if not clauses:
+    if not clauses and not vital and "arm posture" not in said.reader.found:
         raise PromptError(
             f"action: {prompt!r} names none; say what the person does, such as 'walks back and forth', 'falls "
             "backwards' or 'sits down'"
         )
-    return choose_action(clauses, prompt)
+    choice = choose_action(clauses, prompt) if clauses else ActionChoice(("standing",))
+    posture = POSTURE_ACTIONS.get(said.reader.one("arm posture"))
+    return replace(choice, options=(posture,)) if posture and choice.options == ("standing",) else choice
 
 
 def _draw(

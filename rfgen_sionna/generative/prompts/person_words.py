@@ -33,9 +33,9 @@ _BREATHS: tuple[tuple[float, str], ...] = (
 )
 """(breaths a minute, pattern without a number)."""
 _HANDS: tuple[tuple[str, str], ...] = (
-    ("both", r"(?:with|using|by) (?:both|two) (?:of )?<a>(?:arms|hands|(?:index )?fingers)|hand both|both (?:hands|(?:index )?fingers)|with <a>hands"),
-    ("left", r"(?:(?:with|using|by) )?<a>left (?:open )?(?:hand|arm|index finger|finger|forefinger|fist|palm)|hand left"),
-    ("right", r"(?:(?:with|using|by) )?<a>right (?:open )?(?:hand|arm|index finger|finger|forefinger|fist|palm)|hand right"),
+    ("both", r"(?:with|using|by) (?:both|two) (?:of )?<a>(?:arms|hands|(?:index )?fingers)|both (?:hands|(?:index )?fingers)|with <a>hands"),
+    ("left", r"(?:(?:with|using|by) )?<a>left (?:open )?(?:hand|arm|index finger|finger|forefinger|fist|palm)"),
+    ("right", r"(?:(?:with|using|by) )?<a>right (?:open )?(?:hand|arm|index finger|finger|forefinger|fist|palm)"),
 )  # fmt: skip
 """(hand, pattern); the words stay in the phrase of the action."""
 _SUBJECT = re.compile(
@@ -86,8 +86,8 @@ _NO_SUBJECT = frozenset(
     ]
 )
 _ARTICLES = frozenset(("a", "an", "the", "is", "are", "who", "that", "his", "her"))
-_LINKS = frozenset(("and", "is", "are", "who", "that", "which", "then", "while"))
-"""Words at the beginning of a clause without meaning of their own."""
+_LINKS = frozenset(("and", "or", "is", "are", "who", "that", "which", "while"))
+"""Words at the ends of a clause without meaning of their own."""
 _ONE = re.compile(r"\b(?:the )?either (?=arm|hand|leg|foot|knee)")
 _ANY = re.compile(r" ?\b(?:(?:to|from) )?(?:the )?either\b")
 """Sides and turns that the words leave open."""
@@ -102,6 +102,14 @@ _COUNTED = (
     r"|(?<![a-z])\d[\d.]*(?: (?:m|cm|km|s|kg|ft|feet|degrees?|percent|high|long|far|wide))*)"
 )
 """Numbers without effect."""
+_CONTENTS = (
+    r"(?! [a-z ]*\b(?:arms?|hands?|legs?|foot|feet|knees?|fingers?|steps?|head)\b)"
+    r"(?: (?!(?:at|in|on|and|while|facing|who|that|from|to|for)\b)[a-z]+){1,4}"
+)
+_CLOTHES = (
+    r"(?:in|wearing|dressed in|wears) <a>(?:[a-z]+ ){0,2}?(?:coat|jacket|shirt|dress|suit|hat|hoodie|sweater|skirt|uniform|costume|outfit"
+    r"|clothes|clothing|shoes|boots|slippers|high heels|jeans|trousers|pants|shorts|gown|helmet|cap|gloves|backpack)|barefoot"
+)
 _HALF_TURN = 120.0
 """Least turn of the action `turn_around` [degrees]."""
 _GO = r"(?:<go|went>|<move>|<come|came>|<step>|<head>|<return>)"
@@ -134,13 +142,15 @@ class PersonWords:
             ]
             while kept and kept[0] in _LINKS:
                 del kept[0]
+            while kept and kept[-1] in _LINKS:
+                del kept[-1]
             if not set(kept) <= vocabulary.FILLERS:
                 found.append(_ANY.sub("", _ONE.sub("one ", " ".join(kept))))
         return [*self.verbs, *found]
 
     def read_hands(self) -> list[tuple[str, str]]:
         """(words, hand) of the phrase of the action."""
-        text, found = self.reader.text, []
+        text, found = self.reader.text, list(self.reader.found.get("hand", []))
         for hand, pattern in _HANDS:
             for match in compile_pattern(pattern).finditer(text):
                 found.append((match.group(), hand))
@@ -174,6 +184,7 @@ def read_wanted(text: str) -> PersonWords:
     reader.find("breathing", _BREATHS[1][1], (15.0, 15.0), "15 breaths a minute")
     _read_common(said)
     _read_target(said)
+    said.lost += [match.group() for match in reader.take(_CLOTHES)]
     refuse_unknown_place(reader)
     said.lost += [match.group() for match in reader.take(_COUNTED)]
     return said
@@ -202,6 +213,8 @@ def _read_common(said: PersonWords) -> None:
     both_ways = reader.take(vocabulary.BOTH_WAYS, "to and from the radar")
     if both_ways:
         said.verbs.append("walks back and forth")
+    for hand in ("left", "right", "both"):
+        reader.find("hand", rf"(?:(?<=, )|^)hand {hand}(?= ,|$)", hand, f"hand {hand}")
     approach = reader.find("way", rf"<approach> {vocabulary.RADAR}", "to", "walks towards the radar")
     if approach or reader.take(rf"{_GO}(?= (?:{vocabulary.TO_RADAR}|{vocabulary.FROM_RADAR}))", "walks"):
         said.verbs.append("walks")
@@ -213,6 +226,9 @@ def _read_common(said: PersonWords) -> None:
             )
         said.verbs.append("turns around")
         reader.note(match, "turns around")
+    for match in reader.take(rf"(?P<kept>{vocabulary.WALKS}|{_GO}) back (?:to|towards?) {vocabulary.RADAR}"):
+        reader.restore(*match.span("kept"))
+        reader.found.setdefault("way", []).append((match.group(), "to"))
     ORIENTATION.read(reader)
     for angle, pattern in vocabulary.ORIENTATION_PATTERNS:
         reader.find("orientation", pattern, (angle, angle), f"orientation {angle:g}°")
@@ -222,9 +238,27 @@ def _read_common(said: PersonWords) -> None:
         for match in reader.take(pattern):
             reader.restore(*match.span("kept"))
             reader.found.setdefault("way", []).append((match.group(), side))
+    before = len(said.scenes)
     said.scenes += read_scenes(reader)
+    for words, _ in said.scenes[before:]:
+        _lose_contents(said, words)
     reader.take(vocabulary.THE_ROOM, "in the surroundings")
     said.body.read_adjectives(reader)
+
+
+def _lose_contents(said: PersonWords, scene: str) -> None:
+    """Words about a place without effect: "in a [small] office [with two desks]"."""
+    reader = said.reader
+    match = re.search(rf"(?<![a-z]){re.escape(scene)}(?P<contents> with{_CONTENTS})?", reader.said)
+    if match is None:
+        return
+    how = compile_pattern(rf"{vocabulary.HOW}(?: {vocabulary.HOW})*")
+    for adjective in how.finditer(reader.text, match.start(), match.start() + len(scene)):
+        said.lost.append(adjective.group())
+        reader.erase(*adjective.span())
+    if match["contents"]:
+        said.lost.append(match["contents"].strip())
+        reader.erase(match.start("contents") + 1, match.end())
 
 
 def _read_target(said: PersonWords) -> None:
@@ -236,7 +270,7 @@ def _read_target(said: PersonWords) -> None:
             "by 'and'"
         )
     first = compile_pattern(
-        rf"(?:(?P<of>an?|the|this|that|one|some|my|his|her|our|your) (?P<how>[a-z~ ]*?))?(?P<who>{PERSON}(?: {PERSON})*)"
+        rf"(?:(?P<of>an?|the|this|that|one|some|my|his|her|our|your) (?P<how>(?:[a-z~]+ )*?))?(?P<who>{PERSON}(?: {PERSON})*)"
     ).search(reader.text)
     if first is None:
         subject = _SUBJECT.match(reader.text)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from rfgen_sionna.generative.prompts.actor_clauses import split_actors
 from rfgen_sionna.generative.prompts.person_prompt import read_person
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.scene_prompt import ScenePrompt
 from rfgen_sionna.generative.prompts.thing_prompt import read_thing
 
@@ -23,5 +25,10 @@ def read_prompt(prompt: str, negative: str = "", *, seed: int = 0) -> ScenePromp
         ValueError: the seed is invalid.
         ImportError: the packages of the action reader are missing.
     """
+    several = split_actors(prompt) if isinstance(prompt, str) else None
+    if several is not None:
+        raise PromptError(
+            f"target: the prompt names {len(several.clauses)} actors; rfgen_sionna.actors_from_prompt makes them all"
+        )
     thing = read_thing(prompt, negative, seed=seed)
     return read_person(prompt, negative, seed=seed) if thing is None else thing

@@ -156,7 +156,7 @@ def normalise(text: str) -> str:
     text = _EXPONENT.sub(_expand, text)
     text = re.sub(r"(\d)\s*[-–—−]\s*(?=\d)", r"\1 to ", text)
     text = re.sub(r"(^|\s)[-−](?=\d)", r"\1minus ", text)
-    text = text.replace("°", " degrees ").replace("m/s", " mps ")
+    text = re.sub(r"(?<![a-z])m/s", " mps ", text.replace("°", " degrees "))
     text = re.sub(r"\s*/\s*(min(?:ute)?|s(?:ec(?:ond)?)?|h(?:our)?)\b", r" per \1", text)
     text = _EITHER.sub("either", text)
     text = re.sub(r"n['’]t\b", " not", text)

@@ -31,11 +31,11 @@ BOTH_WAYS = (
     rf"(?:(?:<walk>|<go|went>|<come|came>|<move>) )?(?:back|away(?: from (?:it|{RADAR}))?)(?: again)?)"
 )
 """To the radar and back."""
-_WALKS = r"(?:<walk>|<run|ran>|<stroll>|<jog>|<stride|strode>|<march>|<sprint>|<limp>|<crawl>|<sneak>|<wander>|<pace>)"
+WALKS = r"(?:<walk>|<run|ran>|<stroll>|<jog>|<stride|strode>|<march>|<sprint>|<limp>|<crawl>|<sneak>|<wander>|<pace>)"
 SIDE_WAYS: tuple[tuple[str, str], ...] = tuple(
     (
         side,
-        rf"(?P<kept>{_WALKS}(?: [a-z]+ly)?(?: ~+)*) (?:(?:to|towards) )?<a>(?:own )?{side}(?:wards?)?(?: side)?(?! (?:arm|hand|leg|foot|knee|and|or)\b)",
+        rf"(?P<kept>{WALKS}(?: [a-z]+ly)?(?: ~+)*) (?:(?:to|towards) )?<a>(?:own )?{side}(?:wards?)?(?: side)?(?! (?:arm|hand|leg|foot|knee|and|or)\b)",
     )
     for side in ("left", "right")
 )

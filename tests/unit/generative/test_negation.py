@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rfgen_sionna.generative.environment.requested_objects import check_words
-from rfgen_sionna.generative.prompts import PromptError, parse_environment, parse_prompt
+from rfgen_sionna.generative.prompts import PromptError, parse_environment, read_prompt
 from rfgen_sionna.generative.prompts.text_reader import negation_in
 
 
@@ -54,8 +54,8 @@ def test_names_and_numbers_are_no_negations(text: str) -> None:
 
 def test_all_prompts_read_negations_alike() -> None:
     readers = (
-        lambda place: parse_prompt(f"a person jumps, environment: {place}"),
-        lambda place: parse_prompt(f"a person jumps in {place}"),
+        lambda place: read_prompt(f"a person jumps, environment: {place}"),
+        lambda place: read_prompt(f"a person jumps in {place}"),
         parse_environment,
         lambda place: check_words(place, ""),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rfgen_sionna.generative.environment.requested_objects import NAMES
-from rfgen_sionna.generative.prompts import PromptError, parse_environment, parse_prompt
+from rfgen_sionna.generative.prompts import PromptError, parse_environment, read_prompt
 from training.environment.place_captions import article
 
 NAMED = [(name, place) for place, names in NAMES.items() for name in names]
@@ -16,7 +16,7 @@ def test_what_the_models_know_a_place_by_names_it_everywhere(name: str, place: s
     asked = parse_environment(article(name))
     assert asked is not None
     assert (asked.place, asked.unused) == (place, ())
-    said = parse_prompt(f"a person jumps in {article(name)}, at 2 m")
+    said = read_prompt(f"a person jumps in {article(name)}, at 2 m")
     named = parse_environment(said.surroundings)
     assert named is not None
     assert (named.place, said.unused) == (place, ())
@@ -32,18 +32,18 @@ def test_what_the_models_know_a_place_by_names_it_everywhere(name: str, place: s
     ],
 )
 def test_what_is_said_of_a_place_does_not_make_it_unknown(prompt: str, scene: str, unused: tuple[str, ...]) -> None:
-    said = parse_prompt(prompt)
+    said = read_prompt(prompt)
     assert (said.surroundings, said.unused) == (scene, unused)
 
 
 def test_an_adjective_of_the_place_is_none_of_the_person() -> None:
-    assert parse_prompt("a person jumps in an old garage").body == parse_prompt("a person jumps").body
+    assert read_prompt("a person jumps in an old garage").body == read_prompt("a person jumps").body
 
 
 @pytest.mark.parametrize("place", ["post office", "football field", "small kitchen"])
 def test_another_kind_of_place_stays_unknown(place: str) -> None:
     with pytest.raises(PromptError, match=rf"'in a {place}' names none that is known; .*places bedroom.*street; the"):
-        parse_prompt(f"a person jumps in a {place}")
+        read_prompt(f"a person jumps in a {place}")
 
 
 def test_what_a_place_is_with_is_in_it() -> None:

@@ -14,7 +14,7 @@ from rfgen_sionna.dataset.actor_labels import actor_labels
 from rfgen_sionna.generative import MotionLibrary
 from rfgen_sionna.generative.bodies import Phenotype, Rig, VitalSigns, animate, person
 from rfgen_sionna.generative.motion import KinematicSource
-from rfgen_sionna.generative.prompts import parse_prompt
+from rfgen_sionna.generative.prompts import read_prompt
 from rfgen_sionna.processing import displacement
 
 
@@ -81,7 +81,7 @@ def test_the_skin_is_smooth_in_time(rig: Rig) -> None:
     ],
 )
 def test_words_give_rates(words: str, breathing: float | None, heart: float | None) -> None:
-    said = parse_prompt(words)
+    said = read_prompt(words)
     assert (said.action, said.breathing_rate, said.heart_rate) == ("standing", breathing, heart)
     assert said.unused == ()
 
