@@ -23,6 +23,7 @@ _STOP = (
     r"who|that|which|is|are|an?|the|his|her|their|its|another|other)"
 )
 _DETERMINER = r"an?|the|another|one|his|her|their|my|some|this|that|each|both|<n>"
+_UNIT = r"(?:years?|months?|yo|m|met(?:re|er)s?|cm|ft|feet|foot|kg|kilos?|lbs?|pounds?|degrees?|km|mps|times?|seconds?)"
 _ONE = frozenset({"both", "another", "the", "one", "his", "her", "their", "my", "this", "that", "each"})
 _PAIR = (
     ("facing", r"<shake> hands|<face> (?:each other|one another)|face to face"),
@@ -110,9 +111,8 @@ def split_actors(prompt: str) -> SeveralActors | None:
 @cache
 def _noun_pattern() -> re.Pattern[str]:
     things = "|".join(f"(?P<{kind.name}>{re.sub(r'[?]P<[a-z0-9]+>', '?:', kind.nouns)})" for kind in THINGS.values())
-    return compile_pattern(
-        rf"(?:(?P<count>{_DETERMINER}) (?:(?!{_STOP}\b)[a-z]+ ){{0,4}}?)?(?:{things}|(?P<person>{PLURAL}|{PERSON}))"
-    )
+    before = rf"(?P<count>{_DETERMINER}) (?:(?!{_STOP}\b|{_UNIT}\b)[a-z]+ ){{0,4}}?"
+    return compile_pattern(rf"(?:{before})?(?:{things}|(?P<person>{PLURAL}|{PERSON}))")
 
 
 def _actors_of(text: str) -> list[_Noun]:

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 pytest.importorskip("anny")
 
+from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.prompts import PromptError
 from rfgen_sionna.generative.prompts.actor_clauses import MOST, split_actors
 from rfgen_sionna.generative.several_actors import CLEARANCE, actors_from_prompt, read_prompts
@@ -42,6 +43,7 @@ def test_one_clause_an_actor(prompt: str, clauses: tuple[str, ...], relation: st
 @pytest.mark.parametrize(
     "prompt",
     ["a person walks", "a cyclist rides past", "a person rides a bike", "a male person of 40 years", "a dog runs",
+     "a 70 year old man walks", "a 1.8 m tall woman walks", "an 80 kg man sits", "a nurse with two bags walks",
      "action: push, distance: 1 m", "a man walks while he waves", "a woman picks up a box and a bag"],
 )  # fmt: skip
 def test_one_actor_is_not_split(prompt: str) -> None:
@@ -60,6 +62,11 @@ def test_one_actor_is_not_split(prompt: str) -> None:
 def test_crowds_and_contact_are_refused(prompt: str, message: str) -> None:
     with pytest.raises(PromptError, match=message):
         split_actors(prompt)
+
+
+def test_an_actor_alone_is_not_several() -> None:
+    with pytest.raises(PromptError, match=r"names 2 actors; rfgen_sionna\.actors_from_prompt makes them all"):
+        Actor.from_prompt("a woman walks past a man who sits")
 
 
 def test_places_of_the_sentences_agree() -> None:
