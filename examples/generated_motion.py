@@ -1,4 +1,4 @@
-"""Motion from rules and from the learned model, as a radar sees it: micro-Doppler side by side.
+"""Motion of the library and variations by the learned model, as a radar sees them: micro-Doppler side by side.
 
     python examples/generated_motion.py              walking, two and a half seconds
     python examples/generated_motion.py --quick      one frame
@@ -37,7 +37,7 @@ radar = replace(
 )  # fmt: skip
 duration = radar.waveform.frame_period if arguments.quick else arguments.duration
 
-sources = ["kinematic", "diffusion"] + ["captured"] * bool(arguments.clip)
+sources = ["auto", "diffusion"] + ["captured"] * bool(arguments.clip)
 shape = (len(prompts), len(sources))
 size = (4.2 * shape[1], max(3.6, 1.9 * shape[0]))
 figure, axes = plt.subplots(*shape, figsize=size, sharex=True, sharey=True, squeeze=False)
@@ -48,7 +48,7 @@ for row, prompt in enumerate(prompts):
     }
     clip = arguments.clip[row] if row < len(arguments.clip) else "-"
     if clip != "-":
-        people["captured"] = Actor.from_motion(clip, body=people["kinematic"].body, radar=radar)
+        people["captured"] = Actor.from_motion(clip, body=people["auto"].body, radar=radar)
     for panel, name in zip(axes[row], sources, strict=True):
         if name not in people:
             panel.set_axis_off()

@@ -7,46 +7,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from diffusers import ControlNetModel
 from safetensors.torch import save_file
 from torch import Tensor
 
-from rfgen_sionna.generative.diffusion.checkpoint import FORMAT as MOTION_FORMAT
-from rfgen_sionna.generative.diffusion.checkpoint import MotionModel
 from rfgen_sionna.generative.environment.adapters import FORMAT as LORA_FORMAT
 from rfgen_sionna.generative.environment.adapters import LoraFacts
 from rfgen_sionna.generative.environment.classifier import ConfidenceGate
 from rfgen_sionna.generative.environment.conditional_prior import TABLES
 from rfgen_sionna.generative.environment.environment_model import CONTROL_FORMAT, GATE_PREFIX, EnvironmentModel
 from rfgen_sionna.generative.environment.environment_model import FORMAT as ENVIRONMENT_FORMAT
-
-
-def write_motion_model(path: Path, model: MotionModel) -> None:
-    """Write a motion model in one step; weights in half precision."""
-    tensors = {f"net.{k}": v.to(torch.float16) for k, v in model.net.state_dict().items()}
-    tensors |= {f"text.{k}": v.to(torch.float16) for k, v in model.text.state_dict().items()}
-    for name, values in {
-        "features.mean": model.mean,
-        "features.scale": model.scale,
-        "hands.mean": model.hands.mean,
-        "hands.components": model.hands.components,
-    }.items():
-        tensors[name] = torch.from_numpy(np.ascontiguousarray(values)).float()
-    for action, residual in model.residuals.items():
-        tensors[f"residual.{action}.directions"] = torch.from_numpy(residual.directions.copy()).half()
-        tensors[f"residual.{action}.gains"] = torch.from_numpy(residual.gains.copy()).half()
-    header = {
-        "format": MOTION_FORMAT,
-        "shape": asdict(model.net.shape),
-        "actions": model.text.actions,
-        "beats": {name: asdict(beat) for name, beat in model.beats.items()},
-        "levels": {name: residual.levels.tolist() for name, residual in model.residuals.items()},
-        "stems": sorted(model.stems),
-        "facts": model.facts,
-    }
-    _write(path, tensors, header)
 
 
 def write_environment_model(path: Path, model: EnvironmentModel) -> None:

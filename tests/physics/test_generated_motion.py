@@ -12,13 +12,12 @@ from rfgen_sionna.signal import synthesize
 from rfgen_sionna.tracing.tracer import Tracer
 
 pytest.importorskip("anny")
-pytest.importorskip("diffusers")
+pytest.importorskip("torch")
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.bodies import Phenotype, Rig, animate, person
 from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
-from rfgen_sionna.generative.diffusion.rhythm import find_period
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics, global_rotations
 from rfgen_sionna.records import Motion, RadarPaths
@@ -70,6 +69,15 @@ def rig() -> Rig:
 
 def walker(rig: Rig, speed: float = 1.0, seed: int = 4) -> Motion:
     return DiffusionSource()("walk_straight", 3.5, seed, skeleton=rig.skeleton, speed=speed)
+
+
+def find_period(signal: FloatArray, rate: float, longest: float) -> tuple[float, float]:
+    """Period [s] and height of the highest peak of the autocorrelation of a signal, up to `longest` [s]."""
+    centred = signal - signal.mean()
+    lags = np.arange(int(0.25 * rate), int(longest * rate) + 1)
+    heights = [float(np.corrcoef(centred[:-k], centred[k:])[0, 1]) for k in lags]
+    best = int(np.argmax(heights))
+    return float(lags[best] / rate), heights[best]
 
 
 def limb_speed(motion: Motion, times: FloatArray, place: FloatArray, eye: FloatArray) -> FloatArray:

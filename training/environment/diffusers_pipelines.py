@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import torch
 from torch import Tensor, nn
 
-from rfgen_sionna.generative.diffusion.sentence_encoder import MAX_WORDS, tokenise, words
 from rfgen_sionna.generative.environment.environment_model import EnvironmentModel, ModelFileError
 from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder, ViewFacts
+from rfgen_sionna.generative.environment.sentence_encoder import MAX_WORDS, tokenise, words
 from rfgen_sionna.generative.environment.view_unet import make_scheduler
 
 if TYPE_CHECKING:

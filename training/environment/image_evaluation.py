@@ -22,13 +22,13 @@ from training.environment.image_metrics import (
     Physical,
     correctly_named,
     floor_share,
+    frechet,
     law_distance,
     nearest,
     range_distance,
     smooth_share,
 )
 from training.environment.view_corpus import ViewCorpus
-from training.motion.motion_metrics import frechet
 
 Note = Callable[[int, int], None]
 _BATCH = 24

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import sqrtm
 from scipy.stats import wasserstein_distance
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
@@ -113,3 +114,11 @@ def correctly_named(
         np.add.at(sums, which.ravel(), probabilities)
         probabilities = sums[which.ravel()]
     return np.asarray(probabilities.argmax(axis=-1) == places)
+
+
+def frechet(a: FloatArray, b: FloatArray) -> float:
+    """Fréchet distance of two sets of (n, k) features, each taken as a normal distribution."""
+    mean = np.sum((a.mean(axis=0) - b.mean(axis=0)) ** 2)
+    ca, cb = (np.cov(x, rowvar=False) for x in (a, b))
+    root = np.real(sqrtm(ca @ cb))
+    return float(mean + np.trace(ca + cb - 2.0 * root))

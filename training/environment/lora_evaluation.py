@@ -13,12 +13,11 @@ from rfgen_sionna.generative.environment.classifier import ImageClassifier
 from rfgen_sionna.generative.environment.image_models import load_embedded
 from rfgen_sionna.generative.environment.image_sampling import ImageSampler
 from training.environment.image_evaluation import drawn_like
-from training.environment.image_metrics import correctly_named
+from training.environment.image_metrics import correctly_named, frechet
 from training.environment.lora_bases import EmbeddedBase
 from training.environment.lora_training import LoraRecipe, choose_rate
 from training.environment.pir_data import PirData
 from training.environment.view_corpus import read_corpus
-from training.motion.motion_metrics import frechet
 
 RATES = (1e-4, 2e-3, 5e-3)
 """The paper's, and what small networks need."""

@@ -9,10 +9,9 @@ import numpy as np
 import torch
 from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy
 
-from rfgen_sionna.generative.diffusion.sentence_encoder import tokenise
 from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
+from rfgen_sionna.generative.environment.sentence_encoder import tokenise
 from training.learning import Progress, fit
-from training.motion.motion_text import roughened
 
 
 @dataclass(frozen=True)
@@ -23,6 +22,20 @@ class Sentence:
     place: int
     """Index of the place; −1 where it names none."""
     things: tuple[str, ...] = ()
+
+
+def roughened(rng: np.random.Generator, text: str) -> str:
+    """A sentence with now and then a word left out or a letter wrong."""
+    parts = text.split(" ")
+    if len(parts) > 4 and rng.uniform() < 0.15:
+        del parts[int(rng.integers(len(parts)))]
+    if rng.uniform() < 0.12:
+        i = int(rng.integers(len(parts)))
+        w = parts[i]
+        if len(w) > 4:
+            k = int(rng.integers(1, len(w) - 1))
+            parts[i] = w[:k] + w[k + 1 :] if rng.uniform() < 0.5 else w[:k] + w[k + 1] + w[k] + w[k + 2 :]
+    return " ".join(parts)
 
 
 def train_text(

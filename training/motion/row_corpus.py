@@ -144,7 +144,7 @@ def _differences(entries: Sequence[Entry], scaling: Scaling) -> FloatArray:
     return np.array(out, np.float64)
 
 
-def stretch(entry: Entry, frames: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def stretch(entry: Entry, frames: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """`frames` rows and their context, from anywhere in a motion."""
     start = int(rng.integers(len(entry.rows) - frames + 1))
     return entry.rows[start : start + frames], entry.context[start : start + frames]

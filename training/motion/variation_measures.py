@@ -1,58 +1,43 @@
-"""Measures of motions and their variations."""
+"""Measures of motions and of their variations."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.action_definitions import MotionSignals
 from rfgen_sionna.generative.diffusion.pose_rows import FRAME_RATE, planted_feet
+from rfgen_sionna.generative.motion.clip_editing import joint_places
 from rfgen_sionna.generative.motion.resampling import resample_motion
-from rfgen_sionna.generative.motion.rotations import Z, about, to_matrices
-from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, SIDES, forward_kinematics, global_rotations
+from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, SIDES
 from rfgen_sionna.records import Motion
+from training.motion.alignment import mirrored_poses, poses
 
-_LAG = 3
+_LAG = 2
 """Poses between which the movement of a pose is seen."""
 
 
-def joint_paths(motion: Motion) -> FloatArray:
-    """(frame, joint, 3) positions [m]."""
-    world = global_rotations(to_matrices(motion.rotations), motion.parents)
-    return forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
+def pose_places(motion: Motion) -> FloatArray:
+    """(pose, 66) positions of the body's joints as :func:`training.motion.alignment.poses` has them."""
+    return poses(MotionSignals(motion))[:, : 3 * NUM_BODY_JOINTS]
 
 
 def body_places(motion: Motion) -> FloatArray:
-    """(frame, 22, 3) positions of the body's joints from the pelvis, turned to one heading, at 20 Hz [m]; heights are
-    from the floor."""
-    motion = resample_motion(motion, FRAME_RATE)
-    places = joint_paths(motion)[:, :NUM_BODY_JOINTS]
-    places = places - motion.translation[:, None] * [1.0, 1.0, 0.0]
-    yaw = 2.0 * np.arctan2(motion.rotations[:, 0, 2], motion.rotations[:, 0, 3])
-    return np.einsum("fij,fkj->fki", about(Z, -yaw), places)
+    """(frame, 22, 3) positions of the body's joints at 20 Hz [m]."""
+    return joint_places(resample_motion(motion, FRAME_RATE))[:, :NUM_BODY_JOINTS]
 
 
-def aligned_distance(motion: Motion, other: Motion) -> float:
-    """Root of the mean square distance of the joints of two motions after aligning them in time [m]: dynamic time
-    warping (Sakoe and Chiba 1978), of bodies from the pelvis."""
-    a, b = body_places(motion), body_places(other)
-    cost = cdist(a.reshape(len(a), -1), b.reshape(len(b), -1), "sqeuclidean") / NUM_BODY_JOINTS
-    total = np.full((len(a) + 1, len(b) + 1), np.inf)
-    total[0, 0] = 0.0
-    steps = np.zeros_like(total)
-    for i, row in enumerate(cost, 1):
-        for j, here in enumerate(row.tolist(), 1):
-            before = min((i - 1, j - 1), (i - 1, j), (i, j - 1), key=lambda at: total[at])
-            total[i, j], steps[i, j] = total[before] + here, steps[before] + 1.0
-    return float(np.sqrt(total[-1, -1] / steps[-1, -1]))
+def distance(motion: Motion, draft: Motion) -> float:
+    """Root mean square distance of the joints from the same joints of a draft at the same time [m]."""
+    return float(np.sqrt(np.mean(np.sum((body_places(motion) - body_places(draft)) ** 2, axis=-1))))
 
 
 def foot_slide(motion: Motion, draft: Motion) -> float:
     """Mean horizontal speed of the toes of feet that the draft plants [m/s]; nan if it plants none."""
-    places, planted = joint_paths(motion), planted_feet(draft)
+    places, planted = joint_places(motion), planted_feet(draft)
     speeds = []
     for i, side in enumerate(SIDES):
         step = np.linalg.norm(np.diff(places[:, JOINT[f"{side}_foot"], :2], axis=0), axis=-1) * motion.frame_rate
@@ -67,13 +52,12 @@ def mean_jerk(motion: Motion) -> float:
 
 
 def nearest_poses(motion: Motion, others: Sequence[Motion]) -> float:
-    """Mean distance of the poses of a motion, with their movement, from the nearest ones of others [m]."""
-    tree = cKDTree(np.concatenate([_moving(other) for other in others]))
-    away, _ = tree.query(_moving(motion))
-    return float(away.mean())
+    """Mean distance of the poses of a motion, with their movement, from the nearest ones of others or of their mirror
+    images: rms over joints [m]."""
+    rows = [pose_places(other) for other in others]
+    bank = np.concatenate([_moving(each) for row in rows for each in (row, mirrored_poses(row))])
+    return float(cdist(_moving(pose_places(motion)), bank).min(axis=1).mean() / np.sqrt(NUM_BODY_JOINTS))
 
 
-def _moving(motion: Motion) -> FloatArray:
-    places = body_places(motion)
-    now, later = places[:-_LAG], places[_LAG:]
-    return np.concatenate([now, later - now], axis=2).reshape(len(now), -1) / np.sqrt(NUM_BODY_JOINTS)
+def _moving(rows: FloatArray) -> FloatArray:
+    return np.concatenate([rows[:-_LAG], rows[_LAG:] - rows[:-_LAG]], axis=1)

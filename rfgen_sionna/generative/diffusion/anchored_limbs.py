@@ -19,6 +19,8 @@ from rfgen_sionna.records import Motion
 
 _RISE = 0.08
 """Width of the smoothing of the pelvis' height [s]."""
+_ROUNDS = 2
+"""Limbs that follow change the lowest point; then both are done again."""
 _STRETCHED = 0.995
 """Share of a leg's length to which it is stretched at most."""
 _PLANTED_HAND = 0.12
@@ -36,28 +38,27 @@ def anchored(motion: Motion, draft: Motion) -> Motion:
         motion: a variation of `draft`, of the same poses in time and the same path.
         draft: any motion; feet are planted by its contacts, hands by their height.
     """
-    before, places = _posed(draft)[1], _posed(motion)[1]
+    before = _posed(draft)[1]
     feet = planted_feet(draft)
-    root = motion.translation.copy()
     rate = motion.frame_rate
-    shift = floor_clearance(before) - floor_clearance(places)
-    root[:, 2] += gaussian_filter1d(shift, _RISE * rate, mode="nearest")
-    root[:, 2] -= _drop(motion, places[..., 2] + (root - motion.translation)[:, None, 2], places, before, feet)
-    motion = replace(motion, translation=root)
-    for i, side in enumerate(SIDES):
-        for limb in _LIMBS:
-            wrist = before[:, JOINT[f"{side}_wrist"], 2]
-            planted = feet[:, i] if limb == "leg" else wrist < _PLANTED_HAND
-            if planted.any() or limb == "leg":
-                motion = _follow(motion, draft, side, limb, _eased(planted, rate))
+    for _ in range(_ROUNDS):
+        places = _posed(motion)[1]
+        shift = gaussian_filter1d(floor_clearance(before) - floor_clearance(places), _RISE * rate, mode="nearest")
+        places[..., 2] += shift[:, None]
+        root = motion.translation.copy()
+        root[:, 2] += shift - _drop(motion, places, before, feet)
+        motion = replace(motion, translation=root)
+        for i, side in enumerate(SIDES):
+            motion = _follow(motion, draft, side, "leg", _eased(feet[:, i], rate))
+            hand = before[:, JOINT[f"{side}_wrist"], 2] < _PLANTED_HAND
+            if hand.any():
+                motion = _follow(motion, draft, side, "arm", _eased(hand, rate))
     return keep_body_above_floor(motion) if floor_clearance(before).min() >= 0.0 else motion
 
 
-def _drop(
-    motion: Motion, heights: FloatArray, places: FloatArray, before: FloatArray, feet: NDArray[np.bool_]
-) -> FloatArray:
+def _drop(motion: Motion, places: FloatArray, before: FloatArray, feet: NDArray[np.bool_]) -> FloatArray:
     """(frame,) by how much the pelvis is lowered so that planted feet are within reach [m]."""
-    missing = np.zeros(len(heights))
+    missing = np.zeros(len(places))
     for i, side in enumerate(SIDES):
         hip, knee, ankle = (JOINT[f"{side}_{joint}"] for joint in ("hip", "knee", "ankle"))
         length = float(np.linalg.norm(motion.offsets[knee]) + np.linalg.norm(motion.offsets[ankle]))
@@ -65,7 +66,7 @@ def _drop(
         reach = np.sqrt(np.maximum((_STRETCHED * length) ** 2 - aside**2, 0.0))
         # no farther than the draft's own reach
         own = before[:, hip, 2] - before[:, ankle, 2]
-        over = heights[:, hip] - before[:, ankle, 2] - np.maximum(reach, own)
+        over = places[:, hip, 2] - before[:, ankle, 2] - np.maximum(reach, own)
         missing = np.maximum(missing, np.where(feet[:, i], over, 0.0))
     if not missing.any():
         return missing

@@ -15,13 +15,13 @@ from diffusers import ControlNetModel, UNet2DConditionModel
 from safetensors import safe_open
 from torch import Tensor
 
-from rfgen_sionna.generative.diffusion.sentence_encoder import WIDTH
 from rfgen_sionna.generative.environment.adapters import fingerprint
 from rfgen_sionna.generative.environment.autoencoder import PatchAutoencoder
 from rfgen_sionna.generative.environment.classifier import ConfidenceGate
 from rfgen_sionna.generative.environment.conditional_prior import ConditionalPrior
 from rfgen_sionna.generative.environment.edge_smoothing import EdgePreservingSmoothing
 from rfgen_sionna.generative.environment.place_encoder import PlaceEncoder
+from rfgen_sionna.generative.environment.sentence_encoder import WIDTH
 from rfgen_sionna.generative.environment.view_unet import ViewUNet
 from rfgen_sionna.pir.codec import PirCodec
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor, nn
 
-from rfgen_sionna.generative.diffusion.sentence_encoder import MAX_WORDS, WIDTH, SentenceEncoder, tokenise
 from rfgen_sionna.generative.environment.requested_objects import NamedObjects, read_objects
+from rfgen_sionna.generative.environment.sentence_encoder import MAX_WORDS, WIDTH, SentenceEncoder, tokenise
 from rfgen_sionna.pir.projection import Projection
 from rfgen_sionna.pir.view import View
 

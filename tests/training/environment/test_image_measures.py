@@ -23,6 +23,7 @@ from training.environment.image_metrics import (
     Physical,
     correctly_named,
     floor_share,
+    frechet,
     law_distance,
     nearest,
     range_distance,
@@ -139,3 +140,11 @@ def test_path_diffusion_is_examined_beside_the_straight_line(
     confidence_gate = calibrated(refiner, corpus, count=3, seed=0)
     assert 0.0 <= confidence_gate.share <= 1.0
     assert confidence_gate.classifier is refiner.confidence_gate.classifier
+
+
+def test_frechet_is_the_squared_distance_of_shifted_sets() -> None:
+    a = np.random.default_rng(0).standard_normal((500, 4))
+    assert frechet(a, a) == pytest.approx(0.0, abs=1e-6)
+    assert frechet(a, a + np.array([3.0, 0.0, 0.0, 0.0])) == pytest.approx(9.0, rel=1e-6)
+    # normal distributions of the same mean: the squared difference of the deviations, per dimension
+    assert frechet(a, 2.0 * (a - a.mean(axis=0)) + a.mean(axis=0)) == pytest.approx(4.0, rel=0.15)

@@ -13,8 +13,8 @@ from rfgen_sionna.generative.diffusion.variation_model import read_model
 from rfgen_sionna.generative.diffusion.variation_net import NetworkShape, stems, word_indices
 from rfgen_sionna.generative.motion import KinematicSource
 from rfgen_sionna.generative.motion.clip_editing import mirrored as mirrored_motion
-from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary, write_pack
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
+from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary, write_pack
 from rfgen_sionna.records import Motion
 from training.motion import row_corpus
 from training.motion.row_corpus import HELD_OUT, Entry, RowCorpus, build, mirrored
@@ -93,7 +93,9 @@ def test_batches_are_of_their_number_alone(corpus: RowCorpus) -> None:
     assert noisy.shape[2] == NUM_COLUMNS
     assert context.shape[2] == NUM_CONTEXT
     assert words.shape[0] == level.shape[0] == 3
-    assert all(bool((a == b).all()) for a, b in zip(batches.batch(7), (noisy, goal, context, level, words), strict=True))
+    assert all(
+        bool((a == b).all()) for a, b in zip(batches.batch(7), (noisy, goal, context, level, words), strict=True)
+    )
 
 
 def test_a_stopped_training_goes_on_to_the_same_weights(corpus: RowCorpus, tmp_path: Path) -> None:

@@ -19,7 +19,8 @@ def test_noise_is_like_what_it_was_measured_on() -> None:
     assert np.cov(drawn.T) == pytest.approx(rows.T @ rows / len(rows), rel=0.15)
     # of a random walk, neighbours differ by a small share
     ratio = [np.mean(np.diff(each, axis=-2) ** 2) / np.mean(each**2) for each in (slow, drawn.reshape(200, 256, 2))]
-    assert ratio[1] == pytest.approx(ratio[0], rel=0.4)
+    # stretches that end elsewhere than they begin have more of high frequencies
+    assert ratio[0] < ratio[1] < 3.0 * ratio[0]
 
 
 def test_levels_go_from_the_motion_to_noise_alone() -> None:

@@ -1,4 +1,4 @@
-"""A small sentence encoder, shipped with the model.
+"""A small sentence encoder, shipped with the image model.
 
 Words enter as hashed pieces (word, stem, letter triples and quadruples), so that unseen forms and misspellings are near
 known ones; two transformer layers use their order. It is trained to classify sentences, then frozen.
@@ -22,8 +22,6 @@ MAX_PIECES = 14
 """Pieces of a word that are read."""
 WIDTH = 128
 """Numbers of a state."""
-HANDS = ("", "left", "right")
-PACES = ("slow", "usual", "fast")
 _COUNTER = re.compile(r"\b(?:counter|anti)[ -]?clockwise")
 _WORD = re.compile(r"[a-z0-9']+")
 
@@ -98,19 +96,3 @@ class SentenceEncoder(nn.Module):
         share = self.weight(x).squeeze(-1).masked_fill(~mask, -1e4).softmax(dim=-1)
         pooled = self.norm((share[..., None] * x).sum(dim=1))
         return EncodedSentences(x * mask[..., None], mask, pooled)
-
-
-class TextEncoder(SentenceEncoder):
-    """Encoder of sentences about motion, with classifiers of action, arms, hand and pace.
-
-    Args:
-        actions: names of the actions.
-    """
-
-    def __init__(self, actions: tuple[str, ...]) -> None:
-        super().__init__()
-        self.actions = actions
-        self.action = nn.Linear(WIDTH, len(actions))
-        self.arms = nn.Linear(WIDTH, len(actions) + 1)
-        self.hand = nn.Linear(WIDTH, len(HANDS))
-        self.pace = nn.Linear(WIDTH, len(PACES))
