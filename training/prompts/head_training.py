@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.generative.prompts import sentence_features
 from training.learning import Progress, fit
-from training.prompts.sentences import REFUSED, Sentence, plain, wordings
+from rfgen_sionna.generative.prompts.action_reader import REFUSED
+from training.prompts.sentences import Sentence, plain, wordings
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class HeadRecipe:
     seed: int = 0
     sentences: int = 3
     """Of each wording."""
-    steps: int = 1500
+    steps: int = 900
     batch: int = 512
     rate: float = 0.02
     hashed: float = 1.5
@@ -78,32 +79,55 @@ def train_head(
     generator = torch.Generator().manual_seed(recipe.seed)
     labels = sorted({each.label for each in corpus}, key=lambda label: (label.startswith(REFUSED), label))
     target = torch.tensor([labels.index(each.label) for each in corpus])
-    width = vectors.shape[1]
-    scale = torch.full((width + sentence_features.HASHED,), recipe.hashed)
-    scale[:width] = recipe.vectors
     dense = torch.from_numpy(vectors)
     rows = [torch.from_numpy(sentence_features.hashed(each.text)) for each in corpus]
-    net = torch.nn.Linear(len(scale), len(labels))
-    torch.nn.init.zeros_(net.weight)
-    torch.nn.init.zeros_(net.bias)
+    net = _Regression(vectors.shape[1], len(labels), recipe)
 
     def loss_of() -> torch.Tensor:
         chosen = torch.randint(len(corpus), (recipe.batch,), generator=generator)
-        x = torch.zeros(recipe.batch, len(scale))
-        x[:, :width] = dense[chosen]
-        x[:, :width] += recipe.noise * torch.randn(recipe.batch, width, generator=generator)
-        for row, index in enumerate(chosen.tolist()):
-            said = rows[index]
-            said = said[torch.rand(len(said), generator=generator) > 0.2]  # words that a stranger leaves out
-            x[row, width + said] = 1.0 / max(1.0, float(len(said))) ** 0.5
-        scores = net(x * scale)
-        penalty = recipe.decay * (net.weight**2).sum()
-        return torch.nn.functional.cross_entropy(scores, target[chosen], label_smoothing=0.02) + penalty
+        said = [rows[index] for index in chosen.tolist()]
+        # a fifth of the words is left out, as strangers do
+        said = [each[torch.rand(len(each), generator=generator) > 0.2] for each in said]
+        x = dense[chosen] + recipe.noise * torch.randn(recipe.batch, dense.shape[1], generator=generator)
+        loss = torch.nn.functional.cross_entropy(net(x, said), target[chosen], label_smoothing=0.02)
+        return loss + recipe.decay * net.size()
 
     fit(net, loss_of, recipe.steps, rate=recipe.rate, progress=progress)
-    weights = (net.weight.detach() * scale).T.numpy().astype(np.float32)
     stems, common = vocabulary(corpus)
-    return Head(labels, np.ascontiguousarray(weights), net.bias.detach().numpy().astype(np.float32), stems, common)
+    return Head(labels, net.weights(), net.bias(), stems, common)
+
+
+class _Regression(torch.nn.Module):
+    """Softmax regression on vectors and hashed words."""
+
+    def __init__(self, width: int, labels: int, recipe: HeadRecipe) -> None:
+        super().__init__()
+        self._scales = recipe.vectors, recipe.hashed
+        self.vectors = torch.nn.Linear(width, labels)
+        self.words = torch.nn.EmbeddingBag(sentence_features.HASHED, labels, mode="sum")
+        for values in (self.vectors.weight, self.vectors.bias, self.words.weight):
+            torch.nn.init.zeros_(values)
+
+    def forward(self, vectors: torch.Tensor, words: Sequence[torch.Tensor]) -> torch.Tensor:
+        """Scores (text, label) of vectors (text, width) and of the indices of hashed words of each text."""
+        lengths = torch.tensor([len(each) for each in words])
+        offsets = lengths.cumsum(0) - lengths
+        each = lengths.clamp(min=1).float().rsqrt().repeat_interleave(lengths)
+        hashed = self.words(torch.cat(list(words)), offsets, per_sample_weights=each)
+        return self._scales[0] * self.vectors(vectors) + self._scales[1] * hashed
+
+    def bias(self) -> NDArray[np.float32]:
+        """(label,)"""
+        return (self._scales[0] * self.vectors.bias.detach()).numpy()
+
+    def size(self) -> torch.Tensor:
+        """Sum of the squares of the weights."""
+        return (self.vectors.weight**2).sum() + (self.words.weight**2).sum()
+
+    def weights(self) -> NDArray[np.float32]:
+        """Weights (feature, label) of the design matrix of :func:`.sentence_features.design`."""
+        both = torch.cat([self._scales[0] * self.vectors.weight.detach().T, self._scales[1] * self.words.weight.detach()])
+        return both.numpy().astype(np.float32)
 
 
 def vocabulary(corpus: Sequence[Sentence]) -> tuple[dict[str, list[str]], list[str]]:

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-REFUSED = "refused: "
-"""Beginning of the labels of sentences that no action covers; the topic follows."""
+from rfgen_sionna.generative.prompts.action_reader import REFUSED
+from rfgen_sionna.generative.prompts.clauses import canonical
+
 _FOLDER = Path(__file__).parent
 _SUBJECTS = """
 a person; a person; a person; the person; someone; somebody; one; a man; a woman; the man; the woman; a boy; a girl; a child; a kid; a toddler; a baby; a teenager; an adult; an old man; an old woman; an elderly lady;
@@ -22,8 +23,12 @@ a tall man; a short woman; a young woman; a heavy man; a thin boy; Anna; Peter; 
 """
 _ENDINGS = """
 slowly; quickly; again; repeatedly; several times; once; twice; for a while; in the room; in the living room; in front of the radar; in the corridor; at home; outside; in a repetitive manner; carefully; suddenly; at a steady pace; all the time; in the kitchen;
-in the office; with ease; in the morning; calmly; vigorously; on the left; near the wall; by the window; as usual; without hurry; over and over; today; gently; with energy; in the hall; facing the radar; at 3 m; in the middle of the room; alone; very fast
+in the office; with ease; in the morning; calmly; vigorously; on the left; near the wall; by the window; as usual; without hurry; over and over; today; gently; with energy; in the hall; facing the radar; at 3 m; in the middle of the room; alone; very fast; in the garden; on the lawn; in the yard; behind a bush; at the airport; near the exit; for the first time; before the race; after dinner; with a smile; like a pro; in agreement; to keep warm; because of the music; at the station;
+in the gym; on stage; in the hospital; in the bathroom; next to the bed; beside the table; before the audience; in front of the mirror; at school; at work; past the sensor; under the lamp; during the break; for fun; in silence; at night; on the carpet; on the mat; in the hallway;
+with great effort; in the rain; on the beach; in a hurry; without a word; at the party; on the street; in the supermarket; as a joke; for the camera; in the ward; at the bus stop; in slow motion; out of boredom; as an exercise; in despair; at the doctor's; like an old man; on the platform; as if nothing had happened
 """
+_TYPOS = 0.06
+"""Share of sentences with a typing error."""
 _BEFORE = ("slowly", "quickly", "suddenly", "carefully", "repeatedly", "now", "just", "calmly", "always", "often")
 _REQUESTS = ("{}", "a video of {}", "{}, please", "data of {}", "a recording of {}", "{} again", "the motion of {}")
 _PAST = {
@@ -79,11 +84,24 @@ def sentences(count: int, seed: int) -> list[Sentence]:
         for phrase in phrases:
             expanded = list(_expanded(phrase))
             for number in range(max(count, len(expanded))):
-                text = _sentence(expanded[number % len(expanded)], number, rng)
+                text = canonical(_sentence(expanded[number % len(expanded)], number, rng).lower())
+                if rng.random() < _TYPOS:
+                    text = _mistyped(text, rng)
                 found.setdefault(text, Sentence(text, label, phrase))
                 if "<" not in phrase and number >= len(expanded) and label.startswith(REFUSED):
                     break
     return list(found.values())
+
+
+def _mistyped(text: str, rng: np.random.Generator) -> str:
+    """The text with two letters of a longer word exchanged, or one lost or doubled."""
+    long = [match for match in re.finditer(r"[a-z]{5,}", text) if match.group() != "person"]
+    if not long:
+        return text
+    word = long[rng.integers(len(long))]
+    place = int(rng.integers(word.start() + 1, word.end() - 1))
+    a, b = text[place], text[place + 1]
+    return text[:place] + (b + a, a, a + a + b)[rng.integers(3)] + text[place + 2 :]
 
 
 def plain(phrase: str) -> str:
@@ -129,7 +147,7 @@ def _sentence(phrase: str, number: int, rng: np.random.Generator) -> str:
     else:
         adverb = f"{rng.choice(_BEFORE)} " if rng.random() < 0.08 else ""
         said = f"{subject} {adverb}{inflect(phrase, '' if plural and form == 's' else form)}"
-    if rng.random() < 0.25:
+    if rng.random() < 0.3:
         said += f" {rng.choice(_ENDINGS_LIST)}"
     return said
 

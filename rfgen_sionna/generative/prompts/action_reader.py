@@ -11,6 +11,7 @@ import json
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 
@@ -28,6 +29,10 @@ REFUSED = "refused: "
 """Beginning of the labels of what no action covers; the topic follows."""
 _QUIET = frozenset({"talk", "mind", "states", "music"})
 """Topics that may go on beside an action, without an effect on it."""
+_ALIKE = 0.84
+"""Least likeness of a mistyped word, of 1."""
+_SURE = 0.9
+"""Probability from which a clause decides against the others."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,10 @@ class ActionReading:
     """Words that no wording of the action has: they have no effect."""
     reason: str = ""
     """Why the action cannot be done."""
+    topic: str = ""
+    """Topic of words that no action covers; empty where an action is likelier."""
+    against: float = 0.0
+    """Probability that no action covers the words, of 1."""
 
 
 class ActionReader:
@@ -87,12 +96,15 @@ class ActionReader:
         parts = clauses.split(said)
         whole, *others = self._readings([said, *parts.texts])
         reading = self._joined(whole, others, parts) if others else whole
+        if reading.possible and not reading.arms and reading.action in clauses.ARMS:
+            reading = _over_legs(reading)
         against = clauses.refusal(said)
         if against:
             reading = replace(reading, possible=False, reason=against)
         return replace(reading, text=text)
 
     def _readings(self, texts: Sequence[str]) -> list[ActionReading]:
+        texts = [clauses.canonical(text) for text in texts]
         every = self._head.probabilities(self._encoder.embed(texts), texts)
         return [self._reading(text, row) for text, row in zip(texts, every, strict=True)]
 
@@ -125,6 +137,8 @@ class ActionReader:
             side="" if families[0] in FAMILIES and len(options) == 1 else limb_side(text),
             unknown=unknown,
             reason=reason,
+            topic=likely[0].removeprefix(REFUSED) if likely[0].startswith(REFUSED) else "",
+            against=float(sum(probabilities[i] for i in order if head.labels[i].startswith(REFUSED))),
         )
 
     def _joined(
@@ -134,9 +148,9 @@ class ActionReader:
         named = [part for part in parts if part.possible]
         if not named:
             return whole
+        sure = whole.possible and whole.probability > _SURE
         for part in parts:
-            topic = part.reason.removeprefix("it is about something else (").rstrip(")")
-            if not part.possible and topic != part.reason and topic not in _QUIET:
+            if not (sure or part.possible or part.topic in _QUIET) and part.against > _SURE:
                 return replace(whole, possible=False, reason=f"{part.text!r} cannot be done")
         actions = list(dict.fromkeys(part.action for part in named if part.action != "standing"))
         if len(actions) < 2 or clauses.covers(whole.action, actions):
@@ -162,6 +176,16 @@ class ActionReader:
         return replace(part, unknown=(*part.unknown, *(word for word in rest if word not in part.unknown)))
 
 
+def _over_legs(reading: ActionReading) -> ActionReading:
+    """A reading of an action of the arms, over the action of the legs whose verb is among the unknown words."""
+    for word in reading.unknown:
+        legs = clauses.LEG_VERBS.get(sentence_features.stem(word))
+        if legs is not None:
+            unknown = tuple(each for each in reading.unknown if each != word)
+            return replace(reading, action=legs, options=(legs,), arms=reading.action, unknown=unknown)
+    return reading
+
+
 class _Head:
     """Trained head: softmax of a linear function of the features."""
 
@@ -183,10 +207,15 @@ class _Head:
         return shares / shares.sum(axis=1, keepdims=True)
 
     def unknown(self, text: str, family: str) -> tuple[str, ...]:
-        """Words after the subject that no wording of the family has."""
+        """Words that no wording of the family has."""
         known = self._stems[family] | self._common
-        said = sentence_features.content(clauses.without_subject(text, known))
-        return tuple(dict.fromkeys(word for word in said if sentence_features.stem(word) not in known))
+        said = dict.fromkeys(sentence_features.content(text))
+        stems = {word: sentence_features.stem(word) for word in said}
+        return tuple(
+            word
+            for word, stem in stems.items()
+            if stem not in known and not (len(stem) > 4 and get_close_matches(stem, known, n=1, cutoff=_ALIKE))
+        )
 
 
 @cache

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from rfgen_sionna.generative.prompts import sentence_features
+from rfgen_sionna.generative.prompts.human_nouns import PERSON
 
 ARMS = frozenset(
     """
@@ -24,6 +25,8 @@ LEGS = frozenset(
     """.split()
 )
 """Actions and postures that leave the arms free."""
+LEG_VERBS = {"walk": "walk", "stroll": "walk", "run": "run", "jog": "run", "sit": "sit", "kneel": "kneel", "march": "march", "hop": "hop"}
+"""Stems of verbs of `LEGS`, which may stand beside an action of the arms without a joint: "sits drinking tea"."""
 _STAND, _FLOOR = {"standing", "stand_up"}, {"lie", "standing", "stand_up", "get_up"}
 _WALKS = {"walk", "walk_straight", "walk_backwards", "walk_turn", "walk_to_and_fro", "turn_around"}
 _COVERED: dict[str, set[str]] = {
@@ -60,6 +63,18 @@ _COVERED: dict[str, set[str]] = {
     "push_up": {"lie"},
     "jumping_jacks": {"jump", "both_arms_raised", "t_pose", "y_pose", "clap"},
     "run": {"walk"},
+    "limp": {"walk", "walk_straight"},
+    "walk_in_a_circle": {"walk", "turn_around"},
+    "walk_backwards": {"walk"},
+    "walk_straight": {"walk"},
+    "jog_on_the_spot": {"run", "march_in_place"},
+    "run_backwards": {"run"},
+    "sneak": {"walk", "crouch", "crawl"},
+    "climb_stairs": {"walk"},
+    "y_pose": {"both_arms_raised"},
+    "both_arms_raised": {"y_pose"},
+    "fall_from_chair": {"fall", "sit_down", "sit", "slip"},
+    "march": {"walk"},
 }
 """Action -> actions that are parts of it."""
 _REQUEST = re.compile(
@@ -72,8 +87,8 @@ _REQUEST = re.compile(
     r"(?:there(?: is|'s|s) )?"
 )  # fmt: skip
 _NEGATION = re.compile(
-    r"\b(?:not|never|cannot|nobody|no one|none|neither|nor|nothing(?! but)|no longer|hardly|barely|refus\w+|avoid\w*|forbid\w*|forbidden|"
-    r"prevent\w*|fail(?:s|ed|ing)? to|unable|instead of|except|rather than)\b|n't\b|\bwithout (?!moving|motion|turning|stopping|pausing|a (?:break|pause|rest|stop)|rest|pause|leaving|hurry|falling|noise|making|any|lifting|bending|help|support|effort|shoes|end)"
+    r"\b(?:not|never|cannot|nobody|no one|none|neither|nor|nothing(?! but)|no longer|hardly|barely|refus(?:es|ed|ing)|avoid\w*|forbid\w*|forbidden|"
+    r"prevent\w*|fail(?:s|ed|ing)? to|unable|instead of|except|rather than)\b|n't\b|\bwithout (?!moving|motion|getting|going|advancing|standing still|turning|stopping|pausing|a (?:break|pause|rest|stop)|rest|pause|leaving|hurry|falling|noise|making|any|lifting|bending|help|support|effort|shoes|end)"
 )
 _DOING_NOTHING = re.compile(r"(?:does|do|doing|is|are)(?: not|n't) (?:move|moving|do anything|doing anything|walk or)|not moving|does nothing|doing nothing|do nothing")
 _QUESTION = re.compile(r"\?\s*$|^(?:who|what|why|where|when|how|which|is|are|does|do|did|can|could|should|shall|will|would|has|have)\b(?! jumping| squats| push)")
@@ -90,8 +105,16 @@ _JOINT = re.compile(
     r"\s*(?:;|, and then\b|\band then\b|, then\b|\bthen\b|\bfollowed by\b|\bafterwards\b|\band afterwards\b|\bbefore (?=\w+ing\b)|\bafter (?=\w+ing\b)|\band also\b|\bwhile simultaneously\b|\band at the same time\b|\bat the same time\b"
     r"|\bwhile\b|\bwhilst\b|\band\b|\bas (?=he\b|she\b|they\b)|,)\s*"
 )
-_TWO_THINGS = re.compile(r"\b(?:left|right|up|down|back|forth|to|knees?|hands?|arms?|legs?|elbows?|foot|feet|sides?|forwards?|backwards?|fro|round|over|again|out|in|sit|jab|on|off|big|small|straight|tall|left hand|apart|wide)$")
 _PARTNER = re.compile(r"^(?:(?:the|his|her|their|a|an|both) )?(?:left|right|down|up|forth|fro|back|forwards?|backwards?|again|over|round|around|legs?|knees?|arms?|hands?|feet|foot|elbows?|out|apart|together|off|in|stand|cross|hooks?|wide|still|straight)\b(?: (?:arm|hand|leg|foot|knee|again|repeatedly|side|fist|kick|hook|elbow)s?)*$")
+
+_SUBJECT = re.compile(
+    rf"^(?:(?:there (?:is|was) )?(?:(?:an?|the|this|that|one|some|every|each) )?(?:[a-z-]+ ){{0,2}}?{PERSON}(?:'s)?|he|she|they|i|you|we|somebody|someone|anybody|everybody)"
+    r"(?: (?:himself|herself|also|just|now|slowly|quickly))?(?:,? (?:who|that))?(?=[ ,])[ ,]+"
+)
+_POLITE = re.compile(r"\b(?:please|ok)\b,?|,? (?:once more|again please)$")
+_NUMBER = re.compile(
+    r"\b(?:\d+(?:[.,]\d+)?|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|fifteen|twenty|thirty|fifty|hundred) (?=[a-z])"
+)
 
 
 @dataclass(frozen=True)
@@ -128,7 +151,7 @@ def split(text: str) -> Clauses:
     for match in _JOINT.finditer(text):
         left, right = text[start : match.start()].strip(), text[match.end() :].strip()
         following = _JOINT.split(right)[0] if right else ""
-        if match.group().strip() in ("and", ",") and (_TWO_THINGS.search(left) or True) and _PARTNER.match(following):
+        if match.group().strip() in ("and", ",") and _PARTNER.match(following):
             continue
         if sentence_features.words(left) and sentence_features.words(right):
             pieces.append(left)
@@ -136,6 +159,7 @@ def split(text: str) -> Clauses:
     pieces.append(text[start:].strip())
     if len(pieces) < 2:
         return Clauses()
+    pieces[1:] = [each if canonical(each).startswith("a person") else f"a person {each}" for each in pieces[1:]]
     return Clauses(tuple(pieces), _AFTERWARDS.search(text) is not None)
 
 
@@ -144,16 +168,14 @@ def covers(action: str, parts: Collection[str]) -> bool:
     return set(parts) <= {action, *_COVERED.get(action, ())}
 
 
-def without_subject(text: str, known: Collection[str]) -> str:
-    """The sentence from its first word that an action knows, if an article or pronoun begins it.
+def canonical(text: str) -> str:
+    """The clause with "a person" as its subject, and without numbers and possessives.
 
     Args:
-        text: the sentence.
-        known: stems of the words of an action.
+        text: in small letters.
     """
-    said: Sequence[str] = sentence_features.words(text)
-    if said[:1] and said[0] in {"a", "an", "the", "one", "my", "our", "his", "her", "this", "that", "your", "some"}:
-        for place, word in enumerate(said[1:6], 1):
-            if sentence_features.stem(word) in known and word not in sentence_features.COMMON:
-                return " ".join(said[place:])
-    return text
+    said = re.sub(r"\b(?:his|her|their|its|my|your|our|one's|whose) (?=[a-z])", "the ", text)
+    said = _NUMBER.sub("", _SUBJECT.sub("a person ", _POLITE.sub("", said), count=1))
+    said = re.sub(r"^a person (?:who|that) (?:(?=is\b|was\b))?", "a person ", said)
+    said = re.sub(r"^a person (?:is|was|are|am|were|has been) (?=\w+(?:ing|ed)\b)", "a person is ", said)
+    return " ".join(said.split()).strip(" ,")
