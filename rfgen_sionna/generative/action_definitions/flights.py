@@ -24,8 +24,8 @@ def _feet_together(s: MotionSignals, a: int, b: int) -> tuple[float, float]:
 
 
 def _high(s: MotionSignals) -> list[tuple[int, int]]:
-    """Flights of 0.15 s or more, feet 6 cm or more over the floor, in free fall."""
-    return [(a, b) for a, b in s.flights if b - a >= 3 and _rise(s, a, b) >= 0.06 and s.fall_of_mass[a:b].max() > 7.5]
+    """Flights of 0.15 s or more, feet 3 cm or more over the floor, in free fall."""
+    return [(a, b) for a, b in s.flights_over(0.03) if b - a >= 3 and s.fall_of_mass[a:b].max() > 7.5]
 
 
 def _jumps(s: MotionSignals) -> list[tuple[int, int]]:

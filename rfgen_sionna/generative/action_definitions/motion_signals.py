@@ -287,22 +287,29 @@ class MotionSignals:
     @cached_property
     def airborne(self) -> Flags:
         """(sample,) whether nothing carries: both feet are over the floor, the centre of mass falls nearly freely"""
-        off = (self.feet.min(axis=1) > 0.03) & (self.pelvis_height > 0.4 * STANDING)
+        return self._carried_by_nothing(0.03)
+
+    def _carried_by_nothing(self, over: float) -> Flags:
+        off = (self.feet.min(axis=1) > over) & (self.pelvis_height > 0.4 * STANDING)
         return off & (self.fall_of_mass > 3.5)
 
     @cached_property
     def flights(self) -> list[tuple[int, int]]:
+        """First sample and end of each flight of 0.1 s or more, the feet 4.5 cm or more over the floor"""
+        return self.flights_over(0.045)
+
+    def flights_over(self, height: float) -> list[tuple[int, int]]:
         """First sample and end of each flight of 0.1 s or more: the centre of mass leaves upwards and falls freely, the
-        feet 4.5 cm or more over the floor; bodies upside down or level left out"""
+        feet `height` [m] or more over the floor; bodies upside down or level left out."""
         rise = rate_of(self.mass[:, 2])
         lower = self.feet.min(axis=1)
         return [
             (a, b)
-            for a, b in stretches(self.airborne)
+            for a, b in stretches(self._carried_by_nothing(height / 1.5))
             if b - a >= 2
             and self.inclination[a:b].min() < 60.0
             and rise[max(a - 1, 0) : a + 1].max() > 0.2
-            and lower[a:b].max() > 0.045
+            and lower[a:b].max() > height
             and self.fall_of_mass[a:b].max() > 5.5
         ]
 
