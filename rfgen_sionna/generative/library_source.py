@@ -10,10 +10,12 @@ from types import MappingProxyType
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.generative.action_definitions.sampled_series import period
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.clip_editing import (
     at_pace,
     cut,
+    flights,
     held,
     joined,
     likeness,
@@ -33,9 +35,10 @@ from rfgen_sionna.generative.motion.floor_ways import (
     steady_part,
 )
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
+from rfgen_sionna.generative.motion.walk import WalkPath
 from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.repertoire import HELD, ONCE, WAYS, Window, windows
+from rfgen_sionna.generative.repertoire import HELD, JUMPS, ONCE, SIDED, WAYS, Window, windows
 from rfgen_sionna.records import Motion
 
 RATE = 20.0
@@ -58,6 +61,10 @@ _STILL = 0.35
 
 _RATIOS = (0.5, 1.7)
 """Factors on the speed over the floor of a clip."""
+_PERIODIC = 0.6
+"""Autocorrelation from which a movement is one that goes on, such as waving, and not one after the other."""
+_PACE_LIMITS = (0.5, 1.8)
+"""Factors on the pace of a clip for a rate."""
 _SHORTEST_WAY = 3.1
 """Way of a walk that turns back or goes around [m]."""
 _SLOWEST_RUN = 1.9
@@ -108,15 +115,25 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
     pace = manner.pace * float(rng.uniform(*PACES) ** strength)
     size = manner.size * float(rng.uniform(*SIZES) ** strength)
     uneven = strength * float(np.clip(rng.normal(0.0, _UNEVEN), -2.0 * _UNEVEN, 2.0 * _UNEVEN))
+    if action in JUMPS:
+        pace /= np.sqrt(size)  # a flight of half the height takes 0.7 of the time
     count = int(np.ceil(duration * RATE - 1e-9)) + 1
     names = [window.clip]
+    if manner.rate is not None and (action in ONCE or action in HELD):
+        raise PromptError(f"rate: {action!r} is not repeated; leave it out")
     if action in ONCE:
         motion = _once(_edited(window, mirror, pace), _span(window, pace), window.whole, count, rng)
         return Draft(_resized(motion, action, size, uneven), tuple(names))
     path = way_of(action, manner, window.speed * pace * duration) if strength > 0.0 else None
     if path is None:
-        motion = _repeated(action, window, mirror, pace, count, rng, names)
+        if manner.rate is None:
+            motion = _repeated(action, window, mirror, pace, count, rng, names)
+        else:
+            motion = _at_rate(action, window, mirror, 60.0 / manner.rate, count, rng, names)
         return Draft(_resized(motion, action, size, uneven), tuple(dict.fromkeys(names)))
+    if manner.rate is not None:  # steps
+        pace = manner.rate / 120.0 * gait_period(_plain(window.clip))
+        _check_pace(pace, manner.rate, action)
     own = [each.speed for each in windows().get(action, ()) if action in _GAITS]
     asked = manner.speed_mps
     if asked is None and own:
@@ -139,13 +156,21 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
     wanted = size * speed if asked is None else asked
     stops = Stops.drawn(count, RATE, rng, manner.pauses)
     way = floor_way(path, duration, wanted, gait_period(gait), rng)
+    if manner.speed_mps is not None:
+        # the mean speed counts, and half turns are slower
+        share = float(np.interp(np.linspace(0.0, duration, 200), way.t, way.speed).mean() / wanted)
+        wanted /= max(share, 0.6)
+        way = WalkPath(
+            way.t, *(each / max(share, 0.6) for each in (way.x, way.y)), way.heading, way.speed / max(share, 0.6)
+        )
     gait = _resized(gait, action, 1.0, uneven)
     return Draft(along(gait, way, wanted, wanted / max(speed, 1e-9), stops), tuple(dict.fromkeys(names)))
 
 
 def way_of(action: str, manner: Manner, length: float) -> str | None:
-    """Kind of way over the floor that an action takes, one of :data:`~rfgen_sionna.generative.manner.PATHS`; None leaves
-    it to the clip.
+    """Kind of way over the floor that an action takes, one of :data:`~rfgen_sionna.generative.manner.PATHS`.
+
+    None leaves it to the clip.
 
     Args:
         action: the action.
@@ -181,14 +206,18 @@ def choose(
 ) -> tuple[Window, bool]:
     """A window of one of the people who show an action, and whether it is mirrored."""
     options = [each for each in windows()[_GAITS.get(action, action)] if strength > 0.0 or each.mirror is not True]
-    if manner.hand in ("left", "right"):
-        options = [
-            each for each in options if each.side == manner.hand or (strength > 0.0 and each.side != "both")
-        ] or options
+    if manner.hand is not None:
+        options = [each for each in options if each.side == manner.hand or (strength > 0.0 and each.side != "both")]
+        if action not in SIDED or manner.hand == "both" or not options:
+            raise PromptError(f"hand: {manner.hand!r} with {action!r}, whose clips show no such choice; leave it out")
     if action in ONCE:
         # the action must end within the time
         short = [each for each in options if (each.stop - each.start) / RATE <= duration * PACES[1]]
         options = short or [min(options, key=lambda each: each.stop - each.start)]
+    if action not in WAYS:
+        options = [each for each in options if each.speed * duration < _ROOM] or sorted(
+            options, key=lambda each: each.speed
+        )[: max(3, len(options) // 4)]
     if action == "run":
         options = [each for each in options if each.speed > _SLOWEST_CLIP]
     if manner.speed_mps is not None:
@@ -300,6 +329,45 @@ def _repeated(
     return cut(motion, 0, max(count, 2)) if action in WAYS or action in HELD else cut(motion, 0, count)
 
 
+def _at_rate(
+    action: str, window: Window, mirror: bool, interval: float, count: int, rng: np.random.Generator, names: list[str]
+) -> Motion:
+    """The action again and again, `interval` [s] from one time to the next."""
+    clip = _edited(window, mirror, 1.0)
+    core = cut(clip, window.start, window.stop)
+    features = pose_features(core)[:, :-2]
+    time, match = period(features, longest_one=0.6 * core.duration)
+    rate = 60.0 / interval
+    if match > _PERIODIC:
+        pace = time / interval
+        if pace > _PACE_LIMITS[0]:
+            _check_pace(pace, rate, action)
+            return _repeated(action, window, mirror, pace, count, rng, names)
+    spare = min(max(interval - core.duration, 0.0), 1.2)
+    start = max(0, window.start - int(0.4 * spare * RATE))
+    once = cut(clip, start, window.stop + int(0.4 * spare * RATE))
+    pace = max(float(rng.uniform(0.95, 1.05)), 1.02 * once.duration / interval)
+    _check_pace(pace, rate, action)
+    once = at_pace(once, pace)
+    motion, times = once, 1
+    while len(motion.translation) < count:
+        wanted = round(times * interval * RATE)
+        if wanted > len(motion.translation):
+            motion = _kept(motion, wanted - len(motion.translation), rng)
+        motion = joined(cut(motion, 0, wanted), once)
+        times += 1
+    return cut(motion, 0, count)
+
+
+def _check_pace(pace: float, rate: float, action: str) -> None:
+    low, high = _PACE_LIMITS
+    if not low <= pace <= high:
+        raise PromptError(
+            f"rate: {rate:g} a minute with {action!r}; people whose clips show it reach {rate / pace * low:.2g} to "
+            f"{rate / pace * high:.2g}"
+        )
+
+
 def _join(motion: Motion, other: Motion) -> tuple[tuple[int, int], float]:
     """Frames at which `other` may go on, (last of `motion`, first of `other`), and the distance of the poses [m]."""
     total, length = len(motion.translation), len(other.translation)
@@ -319,6 +387,8 @@ def _resized(motion: Motion, action: str, size: float, uneven: float) -> Motion:
     if size == 1.0 and uneven == 0.0:
         return motion
     arms = _sizes(_ARMS, size, uneven)
+    if action in JUMPS:
+        return _flown(scaled(motion, arms, 1.0), size)
     if action in ONCE or action in HELD:
         return scaled(motion, arms, 1.0)
     trunk = np.ones(NUM_BODY_JOINTS)
@@ -330,6 +400,16 @@ def _resized(motion: Motion, action: str, size: float, uneven: float) -> Motion:
         translation[:, :2] += (size - 1.0) * (way - way[:1])
         out = replace(out, translation=translation)
     return out
+
+
+def _flown(motion: Motion, size: float) -> Motion:
+    """The motion with flights `size` times as high."""
+    translation = motion.translation.copy()
+    for a, b in flights(motion):
+        first, last = max(a - 1, 0), min(b, len(translation) - 1)
+        line = np.linspace(translation[first, 2], translation[last, 2], last - first + 1)
+        translation[first : last + 1, 2] = line + size * (translation[first : last + 1, 2] - line)
+    return replace(motion, translation=translation)
 
 
 def _sizes(names: Sequence[str], size: float, uneven: float) -> FloatArray:

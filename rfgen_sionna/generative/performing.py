@@ -13,6 +13,7 @@ from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSi
 from rfgen_sionna.generative.library_source import draft
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, KinematicSource, Skeleton
+from rfgen_sionna.generative.motion.arm_overlay import standing_still, stooped, with_arms, with_fingers
 from rfgen_sionna.generative.motion.clip_editing import joint_places, placed
 from rfgen_sionna.generative.motion.floor_contact import keep_body_above_floor
 from rfgen_sionna.generative.motion.foot_lock import lock_feet
@@ -20,7 +21,7 @@ from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.motion.resampling import resample_motion
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, SIDES
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.repertoire import OFF_THE_FLOOR, WAYS, windows
+from rfgen_sionna.generative.repertoire import ARMS_FREE, OFF_THE_FLOOR, POSTURES, WAYS, windows
 from rfgen_sionna.records import Motion
 
 ATTEMPTS = 7
@@ -29,6 +30,10 @@ FRAME_RATE = 60.0
 """Poses per second of a varied motion of clips [Hz]."""
 SHORTEST = 1.0
 """Length from which motions are checked [s]: shorter ones hold no whole action."""
+_POSED = 1.5
+"""Time after which a posture of the arms no longer changes [s]."""
+_STOOP = float(np.radians(14.0))
+"""Bend of the trunk of who is tired [rad]."""
 _MOVES = 0.5
 """Speed from which a foot is not planted [m/s]."""
 EXACT = frozenset({"t_pose"})
@@ -82,26 +87,83 @@ def perform(
     if not 0.0 <= share <= 1.0:
         raise ValueError(f"strength: {strength!r}; allowed are 0, a clip as it is, to 1, the usual variation")
     reasons: tuple[str, ...] = ()
-    for motion, verdict in trials(action, duration, seed, skeleton or MEAN_ADULT, manner or Manner(), share):
+    manner, body = manner or Manner(), skeleton or MEAN_ADULT
+    posture = "" if manner.arm_posture is None else POSTURES[manner.arm_posture]
+    arms = _checked_arms(action, arms, posture)
+    if arms and action == "standing":
+        action, arms = arms, ""
+    for motion, verdict in trials(action, duration, seed, body, manner, share, arms=arms, posture=posture):
         if verdict.true:
             return replace(motion, seed=seed)
         reasons = reasons or verdict.reasons
-    raise PromptError(f"action: no motion of {ATTEMPTS} shows {action!r} for {duration:g} s: {'; '.join(reasons)}")
+    done = f"{action!r} with the arms of {arms or posture!r}" if arms or posture else repr(action)
+    raise PromptError(f"action: no motion of {ATTEMPTS} shows {done} for {duration:g} s: {'; '.join(reasons)}")
+
+
+def _checked_arms(action: str, arms: str, posture: str) -> str:
+    """Action of the arms, if the legs' action leaves them free.
+
+    Raises:
+        PromptError: it does not, or the arms have two things to do.
+    """
+    if arms and arms not in performable():
+        raise PromptError(f"arms: {arms!r} cannot be performed; allowed are {', '.join(performable())}")
+    if (arms or posture) and action not in ARMS_FREE:
+        held = f"arms: {arms!r}" if arms else f"arm posture: {posture!r}"
+        free = ", ".join(sorted(ARMS_FREE & performable().keys()))
+        raise PromptError(f"{held} with {action!r}, which does not leave the arms free; {free} do")
+    if arms and posture:
+        raise PromptError(f"arms: {arms!r}, and held as {posture!r} at the same time; leave one of them out")
+    return arms
 
 
 def trials(
-    action: str, duration: float, seed: int, skeleton: Skeleton, manner: Manner, strength: float
-) -> Iterator[tuple[Motion, Verdict]]:
+    action: str, duration: float, seed: int, skeleton: Skeleton, manner: Manner, strength: float, *, arms: str = "",
+    posture: str = "",
+) -> Iterator[tuple[Motion, Verdict]]:  # fmt: skip
     """Motions that are tried one after the other, of each source, with what the definition says of them."""
-    for source in performable()[action]:
+    own = replace(manner, arm_posture=None, hand=None if arms else manner.hand)
+    refused: ValueError | None = None
+    sources = performable()[action]
+    if (manner.amplitude is not None or manner.rate is not None) and action not in WAYS and "rules" in sources:
+        sources = ("rules", *(each for each in sources if each != "rules"))  # they keep numbers
+    for source in sources:
         for attempt in range(ATTEMPTS):
             one = seed if attempt == 0 else int(np.random.SeedSequence([seed, attempt]).generate_state(1)[0])
-            if source == "rules":
-                motion = KinematicSource()(action, duration, one, skeleton=skeleton, manner=manner)
-            else:
-                motion = _from_clips(action, duration, one, skeleton, manner, strength)
-            whole = duration >= SHORTEST
-            yield motion, check(MotionSignals(motion), action) if whole else Verdict(action, True, ())
+            try:
+                if source == "rules":
+                    motion = KinematicSource()(action, duration, one, skeleton=skeleton, manner=own)
+                else:
+                    motion = _from_clips(action, duration, one, skeleton, own, strength)
+            except ValueError as error:  # what clips cannot do rules may
+                refused = error
+                break
+            if arms or posture:
+                other = _arms_of(arms or posture, duration, one, skeleton, manner, strength)
+                motion = with_arms(motion, other, skeleton)
+            over_legs = arms or (posture if posture != "standing" else "")
+            yield motion, _verdict(motion, action, duration, over_legs, skeleton)
+    if refused is not None:
+        raise PromptError(str(refused)) from refused
+
+
+def _verdict(motion: Motion, action: str, duration: float, arms: str, skeleton: Skeleton) -> Verdict:
+    if duration < SHORTEST:
+        return Verdict(action, True, ())
+    verdict = check(MotionSignals(motion), action)
+    if verdict.true and arms in DEFINED_ACTIONS:
+        return check(MotionSignals(standing_still(motion, skeleton)), arms)
+    return verdict
+
+
+def _arms_of(action: str, duration: float, seed: int, skeleton: Skeleton, manner: Manner, strength: float) -> Motion:
+    """The motion whose arms are taken."""
+    hand, still = Manner(hand=manner.hand), action in POSTURES.values()
+    if still or performable()[action][0] == "rules":
+        allowed = hand if ACTIONS[action].hands else Manner()
+        length = min(duration, _POSED) if still else duration
+        return KinematicSource()(action, length, seed, skeleton=skeleton, manner=allowed)
+    return _from_clips(action, duration, seed, skeleton, hand, strength)
 
 
 def _from_clips(action: str, duration: float, seed: int, body: Skeleton, manner: Manner, strength: float) -> Motion:
@@ -111,10 +173,12 @@ def _from_clips(action: str, duration: float, seed: int, body: Skeleton, manner:
     motion = on_skeleton(motion, body)
     if strength == 0.0:
         return motion
+    if manner.tired and action in ARMS_FREE:
+        motion = stooped(motion, _STOOP, 0.7 * _STOOP)
     motion = resample_motion(motion, FRAME_RATE)
     if action in OFF_THE_FLOOR:
-        return motion
-    return with_still_contacts(keep_body_above_floor(lock_feet(motion, body)))
+        return with_fingers(motion, body)
+    return with_fingers(with_still_contacts(keep_body_above_floor(lock_feet(motion, body))), body)
 
 
 def with_still_contacts(motion: Motion) -> Motion:

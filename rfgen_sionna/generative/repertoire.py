@@ -64,3 +64,28 @@ HELD = frozenset({"standing", "sit", "lie", "t_pose", "phone", "type", "drink"})
 """Actions that are held."""
 OFF_THE_FLOOR = frozenset({"climb_stairs", "climb_ladder", "handstand", "cartwheel", "flip"})
 """Actions whose feet and pelvis are not set on the floor z = 0."""
+JUMPS = frozenset({"jump", "jump_forward", "jump_twist", "hop", "leap", "skip"})
+"""Actions that leave the floor; their height grows with their size."""
+SIDED = frozenset(
+    {
+        "drink", "kick", "phone", "pick_up", "point", "punch", "put_down", "reach", "throw", "wash_window", "wave",
+        "arm_circles", "lunge", "knee_to_elbow",
+    }
+)  # fmt: skip
+"""Actions that one hand or foot does, which can be chosen."""
+ARMS_FREE = WAYS - {"carry", "crawl"} | frozenset(
+    {
+        "standing", "sit", "sit_down", "stand_up", "sit_and_stand", "turn_around", "jog_on_the_spot", "march_in_place",
+        "hop", "jump", "jump_forward", "jump_twist", "leap", "squat", "kick", "left_kick", "right_kick", "lunge",
+        "look_around", "nod", "shake_head", "left_leg_raised", "right_leg_raised", "bow", "climb_stairs",
+    }
+)  # fmt: skip
+"""Actions whose arms may do something else, or be held."""
+POSTURES = {
+    "hanging": "standing",
+    "on_hips": "arms_on_hips",
+    "folded": "arms_folded",
+    "behind_back": "hands_behind_back",
+    "in_pockets": "hands_in_pockets",
+}
+"""Posture of the arms -> action by rules whose arms show it."""

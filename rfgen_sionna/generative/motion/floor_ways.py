@@ -19,7 +19,7 @@ from rfgen_sionna.records import Motion
 _STEP = 0.5
 """Width of the smoothing that takes steps and sway out of a way [s]."""
 _SLOW = 0.3
-"""Share of the speed in a half turn."""
+"""Share of the speed in a half turn of a walk at 1 m/s; slow walks slow down less."""
 _CENTRIPETAL = 2.5
 """Acceleration towards the middle of a circle that the pace allows [m/s^2]; leaning by 14 degrees."""
 _STOPPING = 0.8
@@ -143,12 +143,13 @@ def _to_and_fro(end: float, speed: float, period: float, rng: np.random.Generato
         length *= rng.uniform(1.0, 1.8)
     turn_time = rng.uniform(1.6, 2.1) * period
     sense = 1 if rng.uniform() < 0.5 else -1
+    slow = float(np.clip(_SLOW / speed, _SLOW, 0.8))
     ahead = length / speed * (1.0 - rng.uniform(0.0, 0.4))
     missing = ahead + turn_time + BACK - end
     if missing > 0.0:
         ahead = max(ahead - missing, 0.3)
         turn_time = max(turn_time - max(ahead + turn_time + BACK - end, 0.0), 1.2 * period)
-    return back_and_forth(end, speed, length, turn_time, sense, start=length / speed - ahead, slow=_SLOW)
+    return back_and_forth(end, speed, length, turn_time, sense, start=length / speed - ahead, slow=slow)
 
 
 def along(motion: Motion, path: WalkPath, speed: float, size: float, stops: Stops) -> Motion:
