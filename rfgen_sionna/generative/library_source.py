@@ -35,7 +35,6 @@ from rfgen_sionna.generative.motion.floor_ways import (
     steady_part,
 )
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
-from rfgen_sionna.generative.motion.walk import WalkPath
 from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.repertoire import HELD, JUMPS, ONCE, SIDED, WAYS, Window, windows
@@ -159,10 +158,9 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
     if manner.speed_mps is not None:
         # the mean speed counts, and half turns are slower
         share = float(np.interp(np.linspace(0.0, duration, 200), way.t, way.speed).mean() / wanted)
-        wanted /= max(share, 0.6)
-        way = WalkPath(
-            way.t, *(each / max(share, 0.6) for each in (way.x, way.y)), way.heading, way.speed / max(share, 0.6)
-        )
+        faster = 1.0 / max(share, 0.6)
+        wanted *= faster
+        way = replace(way, x=faster * way.x, y=faster * way.y, speed=faster * way.speed)
     gait = _resized(gait, action, 1.0, uneven)
     return Draft(along(gait, way, wanted, wanted / max(speed, 1e-9), stops), tuple(dict.fromkeys(names)))
 
@@ -187,7 +185,7 @@ def way_of(action: str, manner: Manner, length: float) -> str | None:
             raise PromptError(
                 f"{given}: {action!r} does not lead over the floor; leave it out, or ask for a walk or a run"
             )
-        return None
+        return "circle" if action in JUMPS and length > _ROOM else None
     if own is not None and manner.path not in (None, own):
         raise PromptError(f"path: {manner.path!r} with {action!r}; ask for a walk")
     if action == "walk_turn":
@@ -214,7 +212,7 @@ def choose(
         # the action must end within the time
         short = [each for each in options if (each.stop - each.start) / RATE <= duration * PACES[1]]
         options = short or [min(options, key=lambda each: each.stop - each.start)]
-    if action not in WAYS:
+    if action not in WAYS | JUMPS:
         options = [each for each in options if each.speed * duration < _ROOM] or sorted(
             options, key=lambda each: each.speed
         )[: max(3, len(options) // 4)]
