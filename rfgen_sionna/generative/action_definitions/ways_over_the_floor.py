@@ -193,7 +193,8 @@ def march_in_place(s: MotionSignals) -> Requirements:
 
 @defines("limp", "A walk whose legs differ by a quarter or more, in swing time or in the bend of the knee.")
 def limp(s: MotionSignals) -> Requirements:
-    swing = [[(b - a) / 20.0 for a, b, foot in s.steps[1:-1] if foot == side] for side in range(2)]
+    whole = [(a, b, foot) for a, b, foot in s.steps if a > 0 and b < len(s.time)]
+    swing = [[(b - a) / RATE for a, b, foot in whole if foot == side] for side in range(2)]
     times = [float(np.mean(each)) if each else 0.0 for each in swing]
     uneven = abs(times[0] - times[1]) / max(float(np.mean(times)), 1e-9)
     bends = np.ptp(s.knee_flexion, axis=0)

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rfgen_sionna.generative.manner import Manner
-from rfgen_sionna.generative.motion import gestures, jumps, postures
+from rfgen_sionna.generative.motion import gaits, gestures, jumps, postures, seats
 from rfgen_sionna.generative.motion.arm_actions import GESTURES
 from rfgen_sionna.generative.motion.keyed_gesture import perform
 from rfgen_sionna.generative.motion.pick_up import pick_up
@@ -36,6 +36,8 @@ class Action:
     """Whether two hands that do it at once would collide."""
     periodic: bool = True
     """Whether it repeats rhythmically; postures do not."""
+    free_arms: int = 0
+    """Number of arms that may be on the hips, folded, behind the back or in pockets meanwhile."""
 
     @property
     def hands(self) -> tuple[str, ...]:
@@ -49,7 +51,9 @@ def with_hand(hand: str) -> str:
 
 
 def _keyed(name: str, description: str, *, one_handed: bool = False, periodic: bool = True) -> Action:
-    return Action(name, description, partial(perform, what=GESTURES[name]), one_handed, periodic=periodic)
+    what = GESTURES[name]
+    free = 0 if isinstance(what, tuple) or what.other else 1 if what.at else 2
+    return Action(name, description, partial(perform, what=what), one_handed, periodic=periodic, free_arms=free)
 
 
 def _with_side(name: str, side: str) -> Writer:
@@ -61,7 +65,7 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
     {
         a.name: a
         for a in (
-            Action("walk", "walks back and forth", walk),
+            Action("walk", "walks back and forth", walk, free_arms=2),
             Action("jump", "jumps up on the spot", jumps.jump),
             Action("jumping_jacks", "does jumping jacks", jumps.jumping_jacks),
             _gesture("pick_up", "picks up an item from the ground", pick_up),
@@ -71,8 +75,10 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
                 _posture(f"{side}_arm_raised", f"raises the {side} arm", _with_side("arm_raised", side))
                 for side in SIDES
             ),
-            _posture("left_leg_raised", "raises the left leg", partial(postures.leg_raised, side="left")),
-            _posture("right_leg_raised", "raises the right leg", partial(postures.leg_raised, side="right")),
+            _posture("left_leg_raised", "raises the left leg", partial(postures.leg_raised, side="left"), free_arms=2),
+            _posture(
+                "right_leg_raised", "raises the right leg", partial(postures.leg_raised, side="right"), free_arms=2
+            ),
             _gesture("swipe_left", "swipes to the left", partial(gestures.swipe, towards=1), crossing=True),
             _gesture("swipe_right", "swipes to the right", partial(gestures.swipe, towards=-1), crossing=True),
             _keyed("push", "pushes a hand forwards", one_handed=True),
@@ -83,9 +89,9 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             ),
             _keyed("click", "clicks with the index finger", one_handed=True),
             _gesture("finger_swing", "swings the index finger", gestures.finger_swing),
-            _posture("standing", "stands", postures.standing),
+            _posture("standing", "stands", postures.standing, free_arms=2),
             # append only: random streams depend on the index of an action
-            Action("walk_straight", "walks straight ahead", walk_straight),
+            Action("walk_straight", "walks straight ahead", walk_straight, free_arms=2),
             _keyed("wave", "waves", one_handed=True),
             _keyed("clap", "claps"),
             _keyed("drink", "drinks", one_handed=True),
@@ -96,7 +102,7 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             _keyed("stretch", "stretches"),
             _keyed("throw", "throws", one_handed=True),
             _keyed("point", "points at something", one_handed=True, periodic=False),
-            _keyed("shake_hands", "shakes hands"),
+            Action("shake_hands", "shakes hands", _with_side("shake_hands", "right")),
             _keyed("arms_on_hips", "stands with the hands on the hips", periodic=False),
             _keyed("arms_folded", "stands with folded arms", periodic=False),
             _keyed("hands_behind_back", "stands with the hands behind the back", periodic=False),
@@ -121,6 +127,13 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
                 )
                 for side in SIDES
             ),
+            Action("limp", "limps", gaits.limp),
+            Action("march", "marches", gaits.march),
+            Action("march_in_place", "marches on the spot", gaits.march_in_place),
+            _posture("sit", "sits on a chair", seats.sit),
+            _posture("sit_down", "sits down on a chair", seats.sit_down),
+            _posture("stand_up", "stands up from a chair", seats.stand_up),
+            Action("sit_and_stand", "sits down and stands up", seats.sit_and_stand),
         )
     }
 )

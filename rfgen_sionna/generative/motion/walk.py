@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -27,6 +29,24 @@ QUICKEST_TURN = 1.5
 """Shortest half turn [gait cycles]: three steps, as for healthy adults at their own pace."""
 _MARGIN = 2.5
 """Extension of a path before and after the motion [s]: more than the longest gait cycle."""
+
+
+@dataclass(frozen=True)
+class LegCycle:
+    """Gait cycle of one leg, in shares of the cycle."""
+
+    lands: float
+    """Touch-down, after that of the left leg of an even gait."""
+    stance: float = STANCE
+    """Time on the floor."""
+    over: float = 0.26
+    """Time from touch-down until the body passes over the foot."""
+    push: float = 1.0
+    """Rise of the heel in the push-off, of the usual one."""
+
+
+EVEN: Mapping[str, LegCycle] = MappingProxyType({"left": LegCycle(0.0), "right": LegCycle(0.5)})
+"""Gait of healthy people."""
 
 
 @dataclass(frozen=True)
@@ -86,10 +106,13 @@ def straight(end: float, speed: float) -> WalkPath:
     return WalkPath(t, speed * (t - 0.5 * end), still, still, np.full_like(t, speed))
 
 
-def _pace(tracks: MotionTracks, rng: np.random.Generator, speed: float) -> tuple[float, float]:
-    """A person's speed [m/s] and step length [m], from the leg length."""
+def own_pace(
+    tracks: MotionTracks, rng: np.random.Generator, manner: Manner, usual: tuple[float, float] = (0.85, 1.35)
+) -> tuple[float, float]:
+    """A person's speed [m/s] and step length [m], from the leg length; `usual` speeds of an adult [m/s]."""
     size = tracks.skeleton.leg_length() / 0.82
-    pace = rng.uniform(0.85, 1.35) * speed * np.sqrt(size)
+    pace = rng.uniform(*usual) * manner.pace * np.sqrt(size)
+    pace = pace if manner.speed_mps is None else manner.speed_mps
     # v = step * cadence and step = ratio * cadence * 60
     return pace, np.sqrt(WALK_RATIO * 60.0 * pace) * rng.uniform(0.94, 1.06) * size**0.75
 
@@ -97,7 +120,7 @@ def _pace(tracks: MotionTracks, rng: np.random.Generator, speed: float) -> tuple
 def walk(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Back and forth over 1 to 1.6 m, forwards first; shorter in short motions."""
     end = float(tracks.t[-1])
-    pace, step = _pace(tracks, rng, manner.pace)
+    pace, step = own_pace(tracks, rng, manner)
     period = 2.0 * step / pace
     length = rng.uniform(0.9, 1.5)
     turn_time = rng.uniform(2.1, 2.5) * period
@@ -109,17 +132,28 @@ def walk(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Mann
         ahead = max(ahead - missing, min(ahead, SHORTEST_AHEAD))
         turn_time = max(turn_time - max(ahead + turn_time + BACK - end, 0.0), QUICKEST_TURN * period)
     path = back_and_forth(end, pace, length, turn_time, sense, start=length / pace - ahead)
-    _gait(tracks, rng, path, pace, step)
+    gait(tracks, rng, path, pace, step)
 
 
 def walk_straight(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Straight ahead for the whole duration."""
-    pace, step = _pace(tracks, rng, manner.pace)
-    _gait(tracks, rng, straight(float(tracks.t[-1]), pace), pace, step)
+    pace, step = own_pace(tracks, rng, manner)
+    gait(tracks, rng, straight(float(tracks.t[-1]), pace), pace, step)
 
 
-def _gait(tracks: MotionTracks, rng: np.random.Generator, path: WalkPath, pace: float, step: float) -> None:
-    """Write the whole body's gait on a path."""
+def gait(
+    tracks: MotionTracks,
+    rng: np.random.Generator,
+    path: WalkPath,
+    pace: float,
+    step: float,
+    legs: Mapping[str, LegCycle] = EVEN,
+) -> dict[str, FloatArray]:
+    """Write the whole body's gait on a path, with speed `pace` [m/s] and step length `step` [m].
+
+    Returns:
+        (n,) phase of each leg's cycle from its touch-down, by side [rad].
+    """
     t = tracks.t
     period = 2.0 * step / pace
     begin = rng.uniform(-period, 0.0)
@@ -127,10 +161,10 @@ def _gait(tracks: MotionTracks, rng: np.random.Generator, path: WalkPath, pace: 
     x, y, heading = path.at(t)
     relaxed(tracks, rng)
     phase: dict[str, FloatArray] = {}
-    for i, side in enumerate(SIDES):
-        contact = begin + 0.5 * i * period
+    for side in SIDES:
+        contact = begin + legs[side].lands * period
         phase[side] = 2.0 * np.pi * (t - contact) / period
-        _feet(tracks, side, path, period, contact, step, rng)
+        _feet(tracks, side, path, period, contact, step, legs[side], rng)
     left = phase["left"]
     middle = left - 2.0 * np.pi * 0.26
     lively = 0.35 + 0.65 * liveliness
@@ -154,6 +188,7 @@ def _gait(tracks: MotionTracks, rng: np.random.Generator, path: WalkPath, pace: 
         arm.elbow = bent + 0.25 * lively * (1.0 + np.sin(phase[other] - lag + 1.2))
         tracks.hands[side].flexion += 0.08 * np.cos(phase[other] - lag - 0.6)
     ride_height(tracks)
+    return phase
 
 
 def _feet(
@@ -163,6 +198,7 @@ def _feet(
     period: float,
     contact: float,
     step: float,
+    leg: LegCycle,
     rng: np.random.Generator,
 ) -> None:
     """Write one foot: planted as the body passes over, rolling from heel to toe, swinging between."""
@@ -176,7 +212,7 @@ def _feet(
     count = int(np.ceil((t[-1] - contact) / period)) + 2 - first
     lands = contact + period * (first + np.arange(count + 1))
     # the body passes over the foot a quarter of a cycle after touch-down
-    x, y, heading = path.at(np.asarray(lands + 0.26 * period, np.float64))
+    x, y, heading = path.at(np.asarray(lands + leg.over * period, np.float64))
     places = np.stack(
         [
             x + ahead * np.cos(heading) - s * width * np.sin(heading),
@@ -192,25 +228,25 @@ def _feet(
     for k, land in enumerate(lands):
         before = toe_up * (reach[k - 1] - 0.25) / 0.75 if k else 0.0
         after = toe_up * (reach[k] - 0.25) / 0.75
-        push = heel_up * reach[k]
+        push = heel_up * leg.push * reach[k]
         for share, state in (
             (0.0, [before, -6.0 * before / period, 0.0]),
             (0.10, [0.0, 0.0, 0.0]),
             (0.30, [0.0, 0.0, 0.0]),
-            (STANCE, [-0.92 * push, -3.0 * push / period, 0.0]),
-            (STANCE + 0.07, [-push, 0.0, 0.0]),
-            (STANCE + 0.24, [0.0, 10.0 * after / period, 0.0]),
+            (leg.stance, [-0.92 * push, -3.0 * push / period, 0.0]),
+            (leg.stance + 0.07, [-push, 0.0, 0.0]),
+            (leg.stance + 0.24, [0.0, 10.0 * after / period, 0.0]),
         ):
             times.append(land + share * period)
             states.append(state)
     foot.pitch = hermite(t, times, states)
     k = np.clip(np.floor((t - lands[0]) / period).astype(int), 0, count - 1)
     share = (t - lands[k]) / period
-    swing = (share - STANCE) / (1.0 - STANCE)
+    swing = (share - leg.stance) / (1.0 - leg.stance)
     moved = cruise(swing, 0.42)[:, None]
     foot.place = places[k] + moved * (places[k + 1] - places[k])
     foot.yaw = yaws[k] + ease(swing) * (yaws[k + 1] - yaws[k])
     foot.lift = clearance * bump(swing) * (0.7 + 0.3 * reach[k])
     # the pivot changes to the heel in the air and back to the toes on the flat foot
-    foot.heel = np.where(share < STANCE, 1.0 - ease((share - 0.12) / 0.18), ease((swing - 0.45) / 0.35))
-    tracks.contacts[:, i] = share <= STANCE
+    foot.heel = np.where(share < leg.stance, 1.0 - ease((share - 0.12) / 0.18), ease((swing - 0.45) / 0.35))
+    tracks.contacts[:, i] = share <= leg.stance
