@@ -25,14 +25,13 @@ from rfgen_sionna.generative.bodies import (
 from rfgen_sionna.generative.bodies.gltf import is_animated, load_animation
 from rfgen_sionna.generative.bodies.measured_person import JointResidual, measured_person
 from rfgen_sionna.generative.bodies.sampled import mesh_sequence
-from rfgen_sionna.generative.checked_motion import performed_motion
 from rfgen_sionna.generative.decisions import Decision
 from rfgen_sionna.generative.driving import Drive
 from rfgen_sionna.generative.motion import MotionSource
 from rfgen_sionna.generative.motion.importers import MOTION_SUFFIXES, load_any_motion
 from rfgen_sionna.generative.motion.joint_recording import record_joints
 from rfgen_sionna.generative.motion.joint_smoothing import LONGEST_GAP
-from rfgen_sionna.generative.motion_sources import check_source, motion_source
+from rfgen_sionna.generative.motion_sources import check_source, motion_source, performed_motion
 from rfgen_sionna.generative.person_decisions import (
     material_decision,
     motion_decision,
@@ -42,7 +41,7 @@ from rfgen_sionna.generative.person_decisions import (
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, ScenePrompt, check_seed
 from rfgen_sionna.generative.prompts.prompt_reader import read_prompt
 from rfgen_sionna.generative.prompts.thing_prompt import ThingPrompt
-from rfgen_sionna.generative.radar_placement import check_walk_path, place_before_radar, walk_back
+from rfgen_sionna.generative.radar_placement import place_before_radar, way_decisions
 from rfgen_sionna.generative.things.prompted_thing import prompted_thing
 from rfgen_sionna.generative.things.thing_placement import Thing, named_thing
 from rfgen_sionna.radar.pose import rotation_matrix
@@ -132,7 +131,7 @@ class Actor(MeshActor):
         radar: Radar | None = None,
         source: MotionSource | None = None,
         floor: float = 0.0,
-        motion: str = "kinematic",
+        motion: str = "auto",
     ) -> Actor:
         """Person, animal or thing from a prompt.
 
@@ -151,8 +150,8 @@ class Actor(MeshActor):
             radar: the radar; None is one at the origin with its boresight along +x.
             source: source of the motion; None takes the one named by `motion`.
             floor: height of the floor under the person [m].
-            motion: "kinematic" (rules), "diffusion" (learned model, with captured actions and arm actions during walks
-                and jumps) or "auto", the learned model if its packages are installed.
+            motion: "auto" (clips of the motion library, and rules for what no clip has), "kinematic" (rules alone) or
+                "diffusion" (auto, varied by the learned model).
 
         Raises:
             PromptError: the prompt cannot be carried out.
@@ -161,7 +160,7 @@ class Actor(MeshActor):
             ImportError: anny (or torch), or for the learned model diffusers, is not installed.
         """
         check_seed(seed)
-        source = source or motion_source("kinematic" if isinstance(prompt, ThingPrompt) else motion)
+        source = source or motion_source("auto" if isinstance(prompt, ThingPrompt) else motion)
         if isinstance(prompt, ScenePrompt):
             said = prompt
         else:
@@ -195,14 +194,8 @@ class Actor(MeshActor):
                 phenotype = replace(wanted, muscle=None)
                 rig = person(phenotype, seed=seed)
         performed = performed_motion(said, duration, seed, rig.skeleton, source)
-        way: list[Decision] = []
-        if said.action == "walk":
-            path, seen = walk_back(performed)
-            way.append(path)
-            if not seen:
-                _LOG.warning("duration: %g s are too short for the way back of the walk; take longer", duration)
-        elif said.action == "walk_straight" and position is None and orientation is None:
-            way.append(check_walk_path(performed, place, yaw, radar))
+        free = position is None and orientation is None
+        way = way_decisions(said, performed, place if free else None, yaw, radar)
         arguments = {"position": position, "orientation": orientation, "body": body}
         return cls(
             animate(rig, performed, vital_signs_of(said, seed)), material, name=name,
@@ -210,7 +203,7 @@ class Actor(MeshActor):
             orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation),
             motion=replace(performed, prompt=said.text), prompt=said, body=rig, phenotype=phenotype,
             decisions=(
-                *prompt_decisions(said, seed, describe(rig), arguments), *way, motion_decision(source),
+                *prompt_decisions(said, seed, describe(rig), arguments), *way, motion_decision(source, performed),
                 material_decision(material),
             ),
         )  # fmt: skip

@@ -66,9 +66,13 @@ _PACE_LIMITS = (0.5, 1.8)
 """Factors on the pace of a clip for a rate."""
 _SHORTEST_WAY = 3.1
 """Way of a walk that turns back or goes around [m]."""
-_SLOWEST_RUN = 1.9
+_FASTEST_ROUND = 2.9
+"""Fastest run around, unless a speed is given [m/s]: the radius of its circle stays under 2.5 m."""
+_SLOWEST_RUN = 2.2
 """Slowest mean speed of a run [m/s]."""
-_SLOWEST_CLIP = 1.45
+_FASTEST_HOP = 1.6
+"""Fastest speed of a clip of hops [m/s]; faster ones are runs with a hop."""
+_SLOWEST_CLIP = 1.6
 """Slowest speed of a clip of a run [m/s]; slower ones hardly leave the floor."""
 _ROOM = 4.0
 """Longest way of a clip that is taken as it is [m]."""
@@ -138,8 +142,9 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
     if asked is None and own:
         asked = float(own[int(rng.integers(len(own)))] * rng.uniform(*PACES)) * manner.pace * manner.size
         asked = max(asked, min(_SHORTEST_WAY / duration, 1.5))
-    elif asked is None and action == "run":
-        asked = max(window.speed * pace * size, _SLOWEST_RUN)
+    elif asked is None and action in ("run", "run_backwards"):
+        fastest = _FASTEST_ROUND if path in ("circle", "loop") else np.inf
+        asked = min(max(window.speed * pace * size, _SLOWEST_RUN if action == "run" else 0.0), fastest)
     if asked is not None:
         # half of the change of speed by cadence, half by the length of the steps
         ratio = asked / max(window.speed, 0.05)
@@ -218,6 +223,8 @@ def choose(
         )[: max(3, len(options) // 4)]
     if action == "run":
         options = [each for each in options if each.speed > _SLOWEST_CLIP]
+    if action == "hop":
+        options = [each for each in options if each.speed < _FASTEST_HOP]
     if manner.speed_mps is not None:
         near = sorted(options, key=lambda each: abs(np.log(max(each.speed, 0.05) / manner.speed_mps)))
         options = near[: max(6, len(near) // 6)]

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
-from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
+from rfgen_sionna.generative.manner import Manner
+from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource, Skeleton
+from rfgen_sionna.generative.performing import PerformingSource
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.scene_prompt import ScenePrompt
+from rfgen_sionna.records import Motion
 
 SOURCES = ("kinematic", "diffusion", "auto")
 """Names of motion sources."""
@@ -16,7 +22,7 @@ def motion_source(name: str) -> MotionSource:
     """Motion source of a name.
 
     Args:
-        name: "kinematic", "diffusion", or "auto", the learned model if its packages are installed.
+        name: "kinematic", "diffusion", or "auto", clips of the motion library and rules.
 
     Raises:
         ValueError: unknown name.
@@ -24,9 +30,7 @@ def motion_source(name: str) -> MotionSource:
         FileNotFoundError: its weights are missing.
     """
     if name == "auto":
-        from rfgen_sionna.generative.environment_setup import missing_packages
-
-        name = "kinematic" if missing_packages() else "diffusion"
+        return PerformingSource()
     if name == "kinematic":
         return KinematicSource()
     if name == "diffusion":
@@ -34,7 +38,7 @@ def motion_source(name: str) -> MotionSource:
             from rfgen_sionna.generative.diffusion.diffusion_source import DiffusionSource
         except ImportError as error:
             raise ImportError(
-                f"motion 'diffusion' needs {error.name}: pip install 'rfgen-sionna[diffusion]'"
+                f"motion 'diffusion' needs {error.name}: pip install 'rfgen-sionna[diffusion]'; 'auto' does without"
             ) from error
         source = DiffusionSource()
         _ = source.model
@@ -57,3 +61,17 @@ def check_source(said: ScenePrompt, duration: float, source: MotionSource) -> No
             f"motion: 'kinematic', the rules of movement alone, cannot do {done!r}; motion 'auto' takes captured "
             "clips, too"
         )
+
+
+def performed_motion(said: ScenePrompt, duration: float, seed: int, skeleton: Skeleton, source: MotionSource) -> Motion:
+    """Motion of a prompt by its source; manner and arms go to it where the prompt has more than a hand and a speed.
+
+    Raises:
+        PromptError: the source cannot do it that way.
+    """
+    more: dict[str, Any] = {}
+    if replace(said.manner, hand=None, speed=None) != Manner():
+        more["manner"] = said.manner
+    if said.arms:
+        more["arms"] = said.arms
+    return source(said.action, duration, seed, skeleton=skeleton, hand=said.hand, speed=said.speed or 1.0, **more)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
 
@@ -38,6 +38,31 @@ _MOVES = 0.5
 """Speed from which a foot is not planted [m/s]."""
 EXACT = frozenset({"t_pose"})
 """Actions whose rules are more exact than their clips."""
+
+
+@dataclass(frozen=True)
+class PerformingSource:
+    """A :class:`~rfgen_sionna.generative.motion.MotionSource` of all that :func:`perform` can do."""
+
+    strength: float | None = None
+    """Share of the usual variation of clips, 0 (as they are) to 1; None takes 1."""
+
+    def __call__(
+        self,
+        action: str,
+        duration: float,
+        seed: int,
+        *,
+        skeleton: Skeleton | None = None,
+        hand: str | None = None,
+        speed: float = 1.0,
+        manner: Manner | None = None,
+        arms: str = "",
+    ) -> Motion:
+        """A motion by :func:`perform`, with its errors; `hand` and `speed` (unless 1) go before those of `manner`."""
+        manner = manner or Manner()
+        manner = replace(manner, hand=hand or manner.hand, speed=manner.speed if speed == 1.0 else speed)
+        return perform(action, duration, seed, skeleton=skeleton, manner=manner, arms=arms, strength=self.strength)
 
 
 @cache

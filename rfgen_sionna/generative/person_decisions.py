@@ -13,6 +13,7 @@ from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument, drawn
 from rfgen_sionna.generative.motion import MotionSource
 from rfgen_sionna.generative.prompts import ScenePrompt
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
+from rfgen_sionna.records import Motion
 
 
 def prompt_decisions(said: ScenePrompt, seed: int, person: Phenotype, given: Mapping[str, Any]) -> list[Decision]:
@@ -55,11 +56,13 @@ def triple_decision(name: str, values: ArrayLike, unit: str, origin: str | None 
     return Decision(name, f"({', '.join(f'{x:g}' for x in np.ravel(values))}) {unit}", origin or argument(name))
 
 
-def motion_decision(source: MotionSource) -> Decision:
-    """Decision of the source of a person's motion."""
-    name = {"KinematicSource": "kinematic", "DiffusionSource": "diffusion"}.get(type(source).__name__, "given")
-    origin = DEFAULT if name == "kinematic" else argument("source" if name == "given" else "motion")
-    return Decision("motion", name, origin)
+def motion_decision(source: MotionSource, motion: Motion) -> Decision:
+    """Decision of the source of a person's motion, with the clips that it is made of."""
+    name = {"KinematicSource": "kinematic", "DiffusionSource": "diffusion", "PerformingSource": "auto"}.get(
+        type(source).__name__, "given"
+    )
+    made = f"{name}, clips {', '.join(motion.clips)}" if motion.clips else f"{name}, rules" if name == "auto" else name
+    return Decision("motion", made, DEFAULT if name == "auto" else argument("source" if name == "given" else "motion"))
 
 
 def material_decision(material: str) -> Decision:

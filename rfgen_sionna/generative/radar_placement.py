@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import logging
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.decisions import Decision, drawn
+from rfgen_sionna.generative.prompts.scene_prompt import ScenePrompt
+from rfgen_sionna.generative.repertoire import WAYS
 from rfgen_sionna.records import Motion
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
+_LOG = logging.getLogger(__name__)
 NEAREST = 0.5
 """Least distance of a walker's pelvis from the radar [m]: the reach of swinging arms."""
 WALKING, SHORTEST_WALK_BACK = 0.3, 0.2
@@ -45,6 +50,55 @@ def place_before_radar(
     return (float(x), float(y)), float(np.arctan2(-ahead[1], -ahead[0]))
 
 
+def way_decisions(
+    said: ScenePrompt, motion: Motion, place: tuple[float, float] | None, yaw: float, radar: Radar | None
+) -> list[Decision]:
+    """The way over the floor of who walks or runs, checked to stay clear of the radar where the prompt places it.
+
+    Args:
+        said: the interpreted prompt.
+        motion: its motion.
+        place: world position (x, y) of the motion's origin [m]; None for a place by arguments, which is not checked.
+        yaw: rotation of the motion [rad].
+        radar: the radar; None is one at the origin.
+
+    Raises:
+        ValueError: the way comes too near.
+    """
+    if said.action not in WAYS:
+        return []
+    straight = said.action == "walk_straight" or said.manner.path == "straight"
+    if straight:
+        return [] if place is None else [check_walk_path(motion, place, yaw, radar)]
+    found, name = [], "extent" if said.manner.path else "path"
+    if said.action == "walk" and said.manner.path in (None, "to_and_fro"):
+        decision, seen = walk_back(motion)
+        found.append(replace(decision, name=name))
+        if not seen:
+            _LOG.warning("duration: %g s are too short for the way back of the walk; take longer", motion.duration)
+    else:
+        wide = np.ptp(np.asarray(motion.translation)[:, :2], axis=0)
+        found.append(Decision(name, f"{wide[0]:.1f} m by {wide[1]:.1f} m", drawn(motion.seed or 0)))
+    if place is not None:
+        away = _away(motion, place, yaw, radar)
+        if away.min() < NEAREST:
+            at = np.zeros(2) if radar is None else np.asarray(radar.position)[:2]
+            further = np.linalg.norm(np.asarray(place) - at) + NEAREST - away.min()
+            raise ValueError(
+                f"path: leads to {away.min():.2f} m from the radar; at least {NEAREST:g} m must stay free: take a "
+                f"distance of at least {np.ceil(10 * further) / 10:g} m, a shorter duration, or a slower pace"
+            )
+    return found
+
+
+def _away(motion: Motion, place: tuple[float, float], yaw: float, radar: Radar | None) -> FloatArray:
+    """(frame,) distance of the pelvis from the radar over the floor [m]."""
+    at = np.zeros(2) if radar is None else np.asarray(radar.position)[:2]
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    track = np.asarray(motion.translation)[:, :2] @ turn.T + np.asarray(place) - at
+    return np.linalg.norm(track, axis=1)
+
+
 def check_walk_path(motion: Motion, place: tuple[float, float], yaw: float, radar: Radar | None) -> Decision:
     """Check that a straight walk stays clear of the radar, and describe its path.
 
@@ -58,10 +112,8 @@ def check_walk_path(motion: Motion, place: tuple[float, float], yaw: float, rada
         ValueError: the walk comes too near; the message has a duration and a distance that fit.
     """
     at = np.zeros(2) if radar is None else np.asarray(radar.position)[:2]
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    track = np.asarray(motion.translation)[:, :2] @ turn.T + np.asarray(place) - at
-    away = np.linalg.norm(track, axis=1)
-    length = float(np.linalg.norm(track[-1] - track[0]))
+    away = _away(motion, place, yaw, radar)
+    length = float(np.linalg.norm((motion.translation[-1] - motion.translation[0])[:2]))
     pace = length / motion.duration
     middle = float(np.linalg.norm(np.asarray(place) - at))
     if away.min() < NEAREST:

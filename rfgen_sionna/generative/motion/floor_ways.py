@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.clip_editing import at_times, headings, scaled
 from rfgen_sionna.generative.motion.curves import ease
+from rfgen_sionna.generative.motion.jumps import GRAVITY
 from rfgen_sionna.generative.motion.resampling import runs
 from rfgen_sionna.generative.motion.rotations import continuous
 from rfgen_sionna.generative.motion.walk import BACK, WalkPath, back_and_forth
@@ -20,8 +21,10 @@ _STEP = 0.5
 """Width of the smoothing that takes steps and sway out of a way [s]."""
 _SLOW = 0.3
 """Share of the speed in a half turn of a walk at 1 m/s; slow walks slow down less."""
-_CENTRIPETAL = 2.5
-"""Acceleration towards the middle of a circle that the pace allows [m/s^2]; leaning by 14 degrees."""
+_CENTRIPETAL = 3.5
+"""Acceleration towards the middle of a circle that the pace allows [m/s^2]; leaning by 20 degrees."""
+_PIVOT = 0.5
+"""Height about which a body leans [m]: the feet go around outside, the pelvis inside."""
 _STOPPING = 0.8
 """Time from the pace to a stop [s]: one and a half steps."""
 _SMALLEST = 0.12
@@ -184,11 +187,16 @@ def along(motion: Motion, path: WalkPath, speed: float, size: float, stops: Stop
             legs[:, k] = 0.3 + 0.7 * np.minimum(steps, 1.0)
     gait = scaled(gait, legs, 1.0)
     turn = heading - course
-    cos, sin = np.cos(heading), np.sin(heading)
-    dx, dy = sway.T
-    translation = np.column_stack([x + cos * dx - sin * dy, y + sin * dx + cos * dy, gait.translation[:, 2]])
+    # who goes around leans inwards
+    pull = speed * share * np.gradient(heading) * rate
+    lean = np.arctan(gaussian_filter1d(pull, 0.3 * rate, mode="nearest") / GRAVITY)
+    onto = Rotation.from_euler("ZX", np.stack([heading, -lean], axis=-1))
+    pivot = np.array([0.0, 0.0, _PIVOT])
+    own = np.column_stack([sway, gait.translation[:, 2]]) - pivot
+    translation = onto.apply(own) + pivot + np.column_stack([x, y, np.zeros(count)])
     rotations = gait.rotations.copy()
-    rotations[:, 0] = (Rotation.from_euler("z", turn[:, None]) * Rotation.from_quat(rotations[:, 0])).as_quat()
+    back = Rotation.from_rotvec((turn - heading)[:, None] * np.array([0.0, 0.0, 1.0]))
+    rotations[:, 0] = (onto * back * Rotation.from_quat(rotations[:, 0])).as_quat()
     contacts = gait.contacts
     if contacts is not None:
         contacts = contacts | (steps < _SMALLEST)[:, None]
