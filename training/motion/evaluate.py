@@ -33,6 +33,8 @@ from training.motion.variation_measures import distance, foot_slide, mean_jerk, 
 STRENGTHS = (0.3, 0.5, 0.7)
 DURATION = 3.0
 """Length of the drafts [s]."""
+_JERK = 10.0
+"""Jerk under which motions count as still [m/s³]."""
 Way = Callable[[Motion, str, float, int], Motion]
 """(draft, text, strength, seed): makes a variation."""
 
@@ -69,11 +71,13 @@ def measured(drafts: Mapping[str, Sequence[Motion]], way: Way, strength: float) 
             "distance from the draft [m]": float(np.mean([distance(a, b) for a, b in pairs])),
             "distance between seeds [m]": variety(made),
             "foot slide [m/s]": float(np.nanmean(slides)) if np.isfinite(slides).any() else float("nan"),
-            "jerk over the draft's": float(np.median([mean_jerk(a) / max(mean_jerk(b), 1.0) for a, b in pairs])),
+            "jerk over the draft's, each with 10 m/s³ more": float(
+                np.mean([(mean_jerk(a) + _JERK) / (mean_jerk(b) + _JERK) for a, b in pairs])
+            ),
         }.items():
             columns.setdefault(name, []).append(value)
     worst = dict(sorted(true.items(), key=lambda each: each[1])[:8])
-    return {name: float(np.nanmean(values)) for name, values in columns.items()} | {"shown least": worst}
+    return {name: round(float(np.nanmean(values)), 4) for name, values in columns.items()} | {"shown least": worst}
 
 
 def likeness_to_people(way: Way, strength: float, clips: int) -> float:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.signal import butter, sosfiltfilt
+from scipy.ndimage import gaussian_filter1d
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.anchored_limbs import anchored
@@ -20,7 +20,7 @@ from rfgen_sionna.generative.diffusion.variation_net import word_indices
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.records import Motion
 
-STRENGTH = 0.5
+STRENGTH = 0.3
 """Usual strength."""
 SHORTEST = 0.5
 """Shortest motion that is varied [s]."""
@@ -28,8 +28,12 @@ _HIGHEST = 0.9
 """Noise level of strength 1: a draft always shows."""
 _STEPS = 8
 """Evaluations of the network."""
-_CUTOFF = 4.0
-"""Cut-off of the low-pass on the difference from the draft [Hz]."""
+_CUTOFF, _POSTURE = 4.0, 0.3
+"""Frequencies up to which the draft is changed, and up to which a change is one of posture [Hz]."""
+_MOVEMENT = 0.6
+"""Movement of a joint that a change adds at most, over the joint's own ..."""
+_NEAR = 0.4
+"""... as seen within that time [s]."""
 
 
 def vary(draft: Motion, text: str, *, strength: float = STRENGTH, seed: int = 0, weights: Path | None = None) -> Motion:
@@ -62,10 +66,24 @@ def vary(draft: Motion, text: str, *, strength: float = STRENGTH, seed: int = 0,
 
 
 def changed(draft: Motion, rows: FloatArray, change: FloatArray) -> Motion:
-    """The draft with a (frame, column) change of its rows, smooth in time, within people's joints and on its floor."""
-    low_pass = butter(2, _CUTOFF, fs=FRAME_RATE, output="sos")
-    smooth = sosfiltfilt(low_pass, change, axis=0, padlen=min(9, len(rows) - 1))
+    """The draft with a (frame, column) change of its rows, smooth in time, within people's joints and on its floor.
+
+    Movement that the change adds to a joint is at most `_MOVEMENT` of the joint's own, so that who stands still does.
+    """
+    slow, own = _low_pass(change, _POSTURE), rows - _low_pass(rows, _POSTURE)
+    fast = _low_pass(change, _CUTOFF) - slow
+    power = [
+        gaussian_filter1d(np.mean(each.reshape(len(rows), -1, 6) ** 2, axis=-1), _NEAR * FRAME_RATE, axis=0)
+        for each in (own, fast)
+    ]
+    share = np.minimum(_MOVEMENT * np.sqrt(power[0] / np.maximum(power[1], 1e-12)), 1.0)
+    smooth = slow + np.repeat(share, 6, axis=1) * fast
     return anchored(within_joint_ranges(turned_by(draft, rows, rows + smooth), draft), draft)
+
+
+def _low_pass(rows: FloatArray, cutoff: float) -> FloatArray:
+    """(frame, column) rows without what is faster than `cutoff` [Hz], without delay."""
+    return gaussian_filter1d(rows, FRAME_RATE * 0.1325 / cutoff, axis=0, mode="nearest")
 
 
 @torch.no_grad()
