@@ -61,11 +61,11 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
             Key((0.8, 1.3), ((0.03, 0.12), (0.0, 0.1), (-0.38, -0.26)), fingers=(0.8, -0.5, 0.0)),
             Key((0.5, 2.0), ((0.03, 0.12), (0.0, 0.1), (-0.38, -0.26)), fingers=(0.8, -0.5, 0.0)),
         ),
-        ((0.16, 0.21), (0.05, 0.1), (-0.1, -0.04)), "head", fingers=(0.2, -1.0, 0.2), palm=(-0.9, -0.3, 0.0), curl=GRIP,
+        ((0.16, 0.2), (0.05, 0.1), (-0.14, -0.09)), "head", fingers=(0.2, -1.0, 0.2), palm=(-0.9, -0.3, 0.0), curl=GRIP,
         pole=(-0.2, 0.5, -1.0), rises=False,
     ),
     "phone": KeyedGesture(
-        _HOLD, ((0.12, 0.16), (0.13, 0.17), (-0.09, -0.03)), "head", fingers=(-0.45, -0.15, 1.0), palm=(0.3, -1.0, 0.0),
+        _HOLD, ((0.08, 0.12), (0.14, 0.17), (-0.13, -0.07)), "head", fingers=(-0.5, -0.15, 1.0), palm=(0.3, -1.0, 0.0),
         curl=GRIP, pole=(0.1, 0.5, -1.0), still=0.7,
         body={"tilt": (0.0, 0.2), "nod": (-0.05, 0.25), "look": (-0.3, 0.2), "lean": (-0.05, 0.05)},
     ),
@@ -88,7 +88,8 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
     ),
     "boxing": KeyedGesture(
         (
-            Key((0.12, 0.15), ((0.29, 0.33), (-0.1, -0.06), (0.06, 0.12)), palm=(0.0, -0.2, -1.0), swift=True,
+            Key((0.12, 0.15), ((0.29, 0.33), (-0.1, -0.06), (0.06, 0.12)), fingers=(1.0, 0.0, 0.0),
+                palm=(0.0, -0.2, -1.0), swift=True,
                 body={"turn": (0.4, 0.65), "bend": (0.0, 0.08), "weight": (0.1, 0.4)}),
             Key((0.2, 0.3), swift=True),
             Key((0.3, 0.8), ((-0.02, 0.02), (-0.02, 0.02), (-0.03, 0.03)), body={"sink": (-0.015, 0.02)}),
@@ -192,7 +193,7 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
         ((0.24, 0.32), (0.0, 0.14), (-0.12, 0.05)), palm=(-0.6, -0.5, 0.6), flows=True, repeats=2.2,
     ),
     "salute": KeyedGesture(
-        _HOLD, ((0.09, 0.14), (0.17, 0.22), (0.02, 0.08)), "head", fingers=(-0.1, -0.8, 0.6), palm=(0.5, -0.4, -0.7),
+        _HOLD, ((0.12, 0.16), (0.17, 0.22), (-0.02, 0.03)), "head", fingers=(-0.1, -0.8, 0.6), palm=(0.5, -0.4, -0.7),
         curl=OPEN_HAND, pole=(0.2, 1.0, -0.4), still=0.5,
     ),
     "wipe": KeyedGesture(

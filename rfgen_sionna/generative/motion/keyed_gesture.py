@@ -6,7 +6,7 @@ outwards; angles of the trunk are towards its side, or bring its shoulder ahead.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -100,9 +100,9 @@ ARM_HOLDS: Mapping[str, KeyedGesture] = {
         fingers=(0.75, -0.6, -0.3), palm=(-0.5, -0.8, 0.0), pole=(-0.35, 1.0, -0.1), curl=LOOSE_HAND, still=0.2,
     ),
     "folded": KeyedGesture(
-        (Key((1.0, 2.0)),), ((0.17, 0.2), (-0.14, -0.09), (-0.21, -0.16)), "chest", rises=False,
-        other=((0.12, 0.15), (-0.13, -0.08), (-0.25, -0.21)),
-        fingers=(0.1, -1.0, 0.25), palm=(-0.9, -0.1, -0.3), pole=(-0.1, 0.5, -1.0), still=0.3,
+        (Key((1.0, 2.0)),), ((0.18, 0.21), (-0.08, -0.03), (-0.21, -0.16)), "chest", rises=False,
+        other=((0.13, 0.16), (-0.07, -0.02), (-0.25, -0.21)), curl=GRIP,
+        fingers=(-0.25, -1.0, 0.3), palm=(-1.0, 0.2, -0.2), pole=(-0.1, 0.5, -1.0), still=0.3,
     ),
     "behind_back": KeyedGesture(
         (Key((1.0, 2.0)),), ((-0.18, -0.15), (0.03, 0.07), (0.02, 0.1)), "pelvis", other="mirror", rises=False,
@@ -168,20 +168,22 @@ def perform(
         state = swings[0][1].copy()
         state[:, :3] *= what.follow * np.array([1.0, -1.0, 1.0])
         _put(tracks, rng, other, what, state, rise, what.other)
-    elif not what.other and manner.arm_posture:
-        hold_arms(tracks, rng, manner, SIDES if what.at is None else (other,))
     over_feet(tracks, np.clip(weight, 0.1, 0.9))
     fit_height(tracks)
 
 
-def hold_arms(tracks: MotionTracks, rng: np.random.Generator, manner: Manner, sides: tuple[str, ...] = SIDES) -> None:
-    """Arms as `manner.arm_posture` has them; hanging ones stay as they are."""
-    what = ARM_HOLDS.get(manner.arm_posture or "")
-    if what is None:
-        return
+def hold_arms(tracks: MotionTracks, rng: np.random.Generator, posture: str, sides: Sequence[str]) -> None:
+    """Arms of `sides` in one of `ARM_POSTURES`."""
     for side in sides:
-        place = what.at if side == "right" or isinstance(what.other, str) else what.other
-        _put(tracks, rng, side, what, _still(what, tracks.n), np.ones(tracks.n), place)
+        if posture in ARM_HOLDS:
+            what = ARM_HOLDS[posture]
+            place = what.at if side == "right" or isinstance(what.other, str) else what.other
+            _put(tracks, rng, side, what, _still(what, tracks.n), np.ones(tracks.n), place)
+        else:
+            arm = tracks.arms[side]
+            for track in (arm.direction, arm.elbow):
+                middle = track.mean(axis=0)
+                track[:] = middle + 0.15 * (track - middle)
 
 
 def _still(what: KeyedGesture, n: int) -> FloatArray:

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.actions import ACTIONS
+from rfgen_sionna.generative.motion.keyed_gesture import hold_arms
 from rfgen_sionna.generative.motion.rotations import to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import (
     FINGERS,
@@ -18,6 +19,7 @@ from rfgen_sionna.generative.motion.skeleton import (
     JOINT_NAMES,
     MEAN_ADULT,
     PARENTS,
+    SIDES,
     Skeleton,
     forward_kinematics,
     global_rotations,
@@ -72,6 +74,18 @@ def check_hand(hand: str | None, action: str) -> None:
         raise ValueError(f"hand: {hand!r} with the action {action!r}; allowed are {', '.join(allowed)}")
 
 
+def _free_arms(action: str, hand: str, posture: str) -> tuple[str, ...]:
+    """Sides of the arms that an action leaves free.
+
+    Raises:
+        ValueError: there are none.
+    """
+    free = 0 if hand == "both" else ACTIONS[action].free_arms
+    if not free:
+        raise ValueError(f"arm_posture: {posture!r} with the action {action!r}, which needs the arms; leave it out")
+    return SIDES if free == len(SIDES) else tuple(side for side in SIDES if side != hand)
+
+
 @dataclass(frozen=True)
 class KinematicSource:
     """A :class:`~rfgen_sionna.generative.motion.MotionSource` without training data.
@@ -100,7 +114,7 @@ class KinematicSource:
 
         Raises:
             ValueError: unknown action; duration not in (0, 600] s; speed not in [0.5, 2]; a hand that the action does
-                not allow.
+                not allow; a posture of arms that the action needs.
         """
         if action not in ACTIONS:
             raise ValueError(f"action: {action!r} is unknown; allowed are {', '.join(ACTIONS)}")
@@ -119,7 +133,12 @@ class KinematicSource:
         dense = int(np.ceil(_DENSE_RATE / self.frame_rate))
         t = np.arange(int(np.ceil(duration * self.frame_rate - 1e-9)) * dense + 1) / (self.frame_rate * dense)
         tracks = MotionTracks(skeleton, t, rng.uniform(0.8, 1.4), rng.uniform(0.04, 0.25))
+        if manner.tired:
+            tracks.bend += rng.uniform(0.08, 0.18)
+            tracks.nod += rng.uniform(0.05, 0.2)
         ACTIONS[action].write(tracks, rng, drawn if hand == "both" else hand, replace(manner, speed=speed))
+        if manner.arm_posture:
+            hold_arms(tracks, rng, manner.arm_posture, _free_arms(action, hand, manner.arm_posture))
         world, joints = (a[::dense] for a in tracks.solve())
         local = world.copy()
         for j, p in enumerate(PARENTS):
