@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 
+from rfgen_sionna.generative.prompts.environment_prompt import read_scenes
 from rfgen_sionna.generative.prompts.human_nouns import PERSON, PLURAL
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.prompts.text_reader import compile_pattern, normalise, number, split_negative
+from rfgen_sionna.generative.prompts.text_reader import Reader, compile_pattern, normalise, number, split_negative
 from rfgen_sionna.generative.things.thing_catalogue import THINGS
 
 MOST = 6
@@ -84,8 +85,10 @@ def split_actors(prompt: str) -> SeveralActors | None:
         PromptError: there are more than `MOST`, an uncounted crowd, or an interaction that cannot be carried out.
     """
     wanted, _ = split_negative(prompt)
-    text = normalise(wanted).strip(" ,")
-    nouns = _actors_of(text)
+    reader = Reader(normalise(wanted).strip(" ,"))
+    text = reader.said
+    read_scenes(reader)
+    nouns = _actors_of(reader.text)  # "in a car garage" is a place
     if (len(nouns) == 1 and nouns[0].count == 1) or not nouns:
         return None
     if sum(noun.count for noun in nouns) > MOST:

@@ -79,6 +79,7 @@ SIMPLE_NOUNS: _Words = (
 _PHRASES: _Words = (
     ("gender", frozenset({"male"}), r"male|masculine"),
     ("gender", frozenset({"female"}), r"female|feminine"),
+    ("age", frozenset({"child"}), r"(?:small|little|tiny)(?= (?:child|kid|boy|girl|toddler|baby|infant)(?!\w))"),
     ("age", frozenset({"teenager"}), r"teenaged?"),
     ("age", frozenset({"young adult"}), r"young adult"),
     ("age", frozenset({"middle-aged"}), r"middle aged"),

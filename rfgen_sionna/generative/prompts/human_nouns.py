@@ -45,8 +45,9 @@ NOUN_TRAITS: tuple[tuple[str, frozenset[str], str], ...] = (
 _OTHERS = (
     r"person|human(?: being)?|someone|somebody|individual|subject|pedestrian|patient|resident|participant|volunteer"
     r"|user|visitor|guest|passenger|customer|client|student|player|athlete|dancer|boxer|fighter|gymnast|acrobat"
+    r"|target|test person"
     r"|runner|jogger|walker|hiker|climber|swimmer|skater|wrestler|footballer|goalkeeper|sprinter|trainer"
-    r"|burglar|thief|intruder|prisoner|victim|hero|clown|mime|ninja|yogi|zombie|wizard|neighbou?r|friend|colleague"
+    r"|burglar|thief|intruder|prisoner|victim|hero|clown|juggler|diver|mime|ninja|yogi|zombie|wizard|neighbou?r|friend|colleague"
     r"|roommate|housemate|stranger|bystander|commuter|shopper|tourist|traveller|traveler|speaker|singer|musician"
     r"|artist|performer|actor|model|citizen|owner|tenant|inhabitant|occupant|cousin|sibling|relative|parent"
     r""
@@ -64,11 +65,13 @@ PLURAL = (
 """Pattern of several people."""
 _HUMAN = (
     "man woman worker nurse child athlete soldier grandmother farmer officer student musician visitor thief king "
-    "customer teenager engineer dancer neighbour baker merchant priest criminal comedian lawyer hero gardener artist"
+    "customer teenager engineer dancer neighbour baker merchant priest criminal comedian lawyer hero gardener artist "
+    "acrobat"
 )
 _OTHER = (
     "dog elephant robot machine computer bus chair tree bottle stone cloud house fish insect helicopter lamp ladder "
-    "ball shadow doll excavator statue monster bread leaf festival snow"
+    "ball shadow doll excavator statue monster bread leaf festival snow market company weather music idea government "
+    "night building price army"
 )
 _NEAREST = 5
 """Nouns of each kind that count."""

@@ -15,17 +15,20 @@ from rfgen_sionna.generative.prompts.vocabulary import RADAR
 PACES: tuple[tuple[float, str], ...] = (
     (
         0.7,
-        r"(?:at|with|in) <a>(?:slow|leisurely|gentle|unhurried|low|calm) (?:speed|pace|tempo|rhythm|manner|way|motion)",
+        r"(?:at|with|in) <a>(?:slow|leisurely|gentle|unhurried|low|calm|relaxed) (?:speed|pace|tempo|rhythm|manner|way|motion)",
     ),
     (
         1.3,
         r"(?:at|with|in) <a>(?:fast|quick|brisk|rapid|swift|high) (?:speed|pace|tempo|rhythm|manner|way|motion)|in a (?:hurry|rush)",
     ),
-    (1.0, r"(?:(?:at|with|in) )?<a>(?:normal|usual|ordinary|medium|moderate|natural|average) (?:speed|pace|tempo)"),
+    (
+        1.0,
+        r"(?:(?:at|with|in) )?<a>(?:normal|usual|ordinary|medium|moderate|natural|average|comfortable|steady|constant|regular|preferred|self selected) (?:speed|pace|tempo|rhythm)",
+    ),
     (0.5, r"(?:very|extremely|really) (?:slowly|slow)|in slow motion"),
     (
         1.6,
-        r"(?:very|extremely|really) (?:quickly|quick|fast|rapidly)|as (?:fast|quickly) as (?:possible|he can|she can|they can)",
+        r"(?:very|extremely|really) (?:quickly|quick|fast|rapidly)|as (?:fast|quickly) as (?:possible|he can|she can|they can)|at (?:full|top|maximum|max|high) speed|at full tilt",
     ),
     (0.7, r"slowly|slow|leisurely|gently|gentle|unhurriedly|calmly|lazily"),
     (
@@ -56,7 +59,7 @@ AMPLITUDES: tuple[tuple[float, str], ...] = (
     *(
         (
             factor,
-            rf"(?<!in )(?<!in a )(?<!along a )(?<!around a )(?:{words})(?: ,)?(?= (?:[a-z]+ ){{0,1}}?{_MOVEMENT}(?!\w))",
+            rf"(?<!in )(?<!in a )(?<!along a )(?<!around a )(?:{words})(?: ,)?(?= (?:[a-z~]+ ){{0,2}}?{_MOVEMENT}(?!\w))",
         )
         for factor, words in _SIZES
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -104,6 +105,12 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
         arms, _ = _draw("arms", choice.arms, forbidden, seed, negative, prompt, origins)
     orientation = _orientation(said, denied, action, seed, origins)
     hand, hands_lost = _hand(said, denied, arms or action, seed, origins)
+    if action in _SIDEWAYS or (choice.side and not said.read_hands() and "way" not in reader.found):
+        side = choice.side or "(?:left|right)"
+        found = re.findall(
+            rf"(?:(?:to|on|onto) )?(?:(?:the|his|her|their) )?\b{side}(?:wards?)?\b(?: side)?", choice.known
+        )
+        hands_lost = (*hands_lost, *found)
     for quantity in (HEIGHT, WEIGHT, AGE):
         value = quantity.draw(reader, seed, origins)
         if value is not None:
@@ -171,7 +178,9 @@ def _on_the_way(action: str, said: PersonWords) -> tuple[str, str | None]:
     path = said.way()
     if path is None and "way" in said.reader.found:
         path = "straight"
-    if path is not None and action in ("walk", "walk_straight", "walk_turn", *_WALKS.values()):
+    if action == "walk_turn" and path == "straight":
+        return action, None
+    if path is not None and action in ("walk", "walk_turn", *_WALKS.values()):
         return _WALKS[path], path
     return action, path
 
@@ -182,12 +191,18 @@ def _orientation(
     """Orientation [degrees] in the words, or left by the negative prompt."""
     reader = said.reader
     back = 180.0 if action in _BACKWARDS else 0.0
+    drawn_way = ""
     ways = reader.found.get("way", []) if action not in _GESTURES | _SIDEWAYS else []
     for words, way in ways:
+        if way == "across":
+            way = ("left", "right")[int(np.random.default_rng([seed, 13]).integers(2))]
+            drawn_way = drawn(seed, ("90°", "270°"))
         angle = (WAY_ANGLES[way] + back) % 360.0
         reader.found.setdefault("orientation", []).append((words, (angle, angle)))
         reader.understood.append((words, f"that way: orientation {angle:g}°"))
     turned = ORIENTATION.draw(reader, seed, origins)
+    if drawn_way:
+        origins["orientation"] = drawn_way
     unwanted = {low % 360.0: words for words, (low, _) in denied.reader.found.get("orientation", [])}
     if turned is not None:
         if turned % 360.0 in unwanted:

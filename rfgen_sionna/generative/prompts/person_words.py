@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from rfgen_sionna.generative.prompts import vocabulary
 from rfgen_sionna.generative.prompts.body_prompt import SIMPLE_NOUNS, BodyWords
+from rfgen_sionna.generative.prompts.clauses import plain
 from rfgen_sionna.generative.prompts.environment_prompt import read_scenes, refuse_unknown_place, split_keyword
 from rfgen_sionna.generative.prompts.human_nouns import PERSON, PLURAL, is_human
 from rfgen_sionna.generative.prompts.manner_prompt import PATHS, read_manner
@@ -106,13 +107,21 @@ _CONTENTS = (
     r"(?! [a-z ]*\b(?:arms?|hands?|legs?|foot|feet|knees?|fingers?|steps?|head)\b)"
     r"(?: (?!(?:at|in|on|and|while|facing|who|that|from|to|for)\b)[a-z]+){1,4}"
 )
+_SHAPES = rf"{vocabulary.WALKS}(?: [a-z~]+){{0,3}}? (?:in|along) (?:an? |the )?(?:square|rectangle|triangle|figure(?: of)? (?:eight|8)|eight|spiral|ellipse|oval|[lsu] shape)s?(?= ,| [a-z~]+ly| ~| at|$)"
+"""Ways that nobody walks here."""
 _CLOTHES = (
     r"(?:in|wearing|dressed in|wears) <a>(?:[a-z]+ ){0,2}?(?:coat|jacket|shirt|dress|suit|hat|hoodie|sweater|skirt|uniform|costume|outfit"
     r"|clothes|clothing|shoes|boots|slippers|high heels|jeans|trousers|pants|shorts|gown|helmet|cap|gloves|backpack)|barefoot"
 )
+_CIRCUMSTANCES = (
+    r"in the (?:middle|center|centre|background|foreground|dark|rain|morning|afternoon|evening)(?: of the (?:room|scene|place|view))?|at (?:night|noon|home alone)"
+    r"|in an? (?!controlled|sitting|standing|lying)[a-z]+ (?:manner|way|fashion|style|mood)"
+    r"|happily|sadly|nervously|angrily|carefully|cautiously|elegantly|gracefully|confidently|casually|awkwardly|clumsily|loudly|suddenly|smoothly|normally|usually|today"
+)
+_TRAIT = r"(?:height|age|weight|gender|sex|body|build|size|stature)"
+_BY_SEED = rf"(?:with|of) <a>random {_TRAIT}(?:(?: ,)?(?: and)? {_TRAIT})*|random(?= {PERSON})"
 _HALF_TURN = 120.0
 """Least turn of the action `turn_around` [degrees]."""
-_GO = r"(?:<go|went>|<move>|<come|came>|<step>|<head>|<return>)"
 
 
 @dataclass
@@ -169,7 +178,7 @@ def read_wanted(text: str) -> PersonWords:
         PromptError: several persons, a number out of range, a place behind the radar, an unknown place, or a subject
             that is neither a person nor known.
     """
-    text, scenes = split_keyword(text)
+    text, scenes = split_keyword(_without_request(text))
     said = PersonWords(Reader(text), scenes)
     reader = said.reader
     reader.understood += [(words, f"surroundings {scene}") for words, scene in scenes]
@@ -183,11 +192,23 @@ def read_wanted(text: str) -> PersonWords:
         AGE.note(reader, match, first + low, first + high)
     reader.find("breathing", _BREATHS[1][1], (15.0, 15.0), "15 breaths a minute")
     _read_common(said)
+    reader.take(_BY_SEED, "drawn by the seed")
     _read_target(said)
-    said.lost += [match.group() for match in reader.take(_CLOTHES)]
+    said.lost += [match.group() for pattern in (_CLOTHES, _CIRCUMSTANCES) for match in reader.take(pattern)]
     refuse_unknown_place(reader)
     said.lost += [match.group() for match in reader.take(_COUNTED)]
     return said
+
+
+def _without_request(text: str) -> str:
+    """A prompt without "simulate", "radar data of" and the like."""
+    rest = plain(text)
+    if not rest:
+        return text
+    request = " ".join(text.lower().split()).partition(rest)[0].split()
+    if set(request) <= {"a", "an", "the", "some"}:
+        return text
+    return rest if rest.split()[0] in ("a", "an", "the") else f"a {rest}"
 
 
 def read_unwanted(text: str) -> PersonWords:
@@ -216,7 +237,7 @@ def _read_common(said: PersonWords) -> None:
     for hand in ("left", "right", "both"):
         reader.find("hand", rf"(?:(?<=, )|^)hand {hand}(?= ,|$)", hand, f"hand {hand}")
     approach = reader.find("way", rf"<approach> {vocabulary.RADAR}", "to", "walks towards the radar")
-    if approach or reader.take(rf"{_GO}(?= (?:{vocabulary.TO_RADAR}|{vocabulary.FROM_RADAR}))", "walks"):
+    if approach or reader.take(rf"{vocabulary.GOES}(?= (?:{vocabulary.TO_RADAR}|{vocabulary.FROM_RADAR}))", "walks"):
         said.verbs.append("walks")
     for match in reader.take(_TURN):
         if number(match["angle"]) < _HALF_TURN:
@@ -226,19 +247,23 @@ def _read_common(said: PersonWords) -> None:
             )
         said.verbs.append("turns around")
         reader.note(match, "turns around")
-    for match in reader.take(rf"(?P<kept>{vocabulary.WALKS}|{_GO}) back (?:to|towards?) {vocabulary.RADAR}"):
-        reader.restore(*match.span("kept"))
-        reader.found.setdefault("way", []).append((match.group(), "to"))
+    for way, pattern in vocabulary.WALKING_WAYS:
+        for words in reader.take_part(pattern, f"way: {way}"):
+            reader.found.setdefault("way", []).append((words, way))
+    if "way" in reader.found and reader.take(rf"{vocabulary.GOES}(?= ~)", "walks"):
+        said.verbs.append("walks")
     ORIENTATION.read(reader)
     for angle, pattern in vocabulary.ORIENTATION_PATTERNS:
         reader.find("orientation", pattern, (angle, angle), f"orientation {angle:g}°")
     reader.find("way", vocabulary.FROM_RADAR, "away", "away from the radar")
     reader.find("way", vocabulary.TO_RADAR, "to", "towards the radar")
-    for side, pattern in vocabulary.SIDE_WAYS:
-        for match in reader.take(pattern):
-            reader.restore(*match.span("kept"))
-            reader.found.setdefault("way", []).append((match.group(), side))
     before = len(said.scenes)
+    shape = compile_pattern(_SHAPES).search(reader.text)
+    if shape:
+        raise PromptError(
+            f"path: {shape.group()!r} is no way over the floor that is known; known are straight ahead, back and forth, in "
+            "a circle, and a loop around the room"
+        )
     said.scenes += read_scenes(reader)
     for words, _ in said.scenes[before:]:
         _lose_contents(said, words)

@@ -119,7 +119,7 @@ DISTANCE = Quantity(
         rf"at {_LENGTH}(?! (?:tall|high|per|a second|above|over|off the))",
         r"distance (?P<value><r>)(?= ,|$)",
     ),
-    _SIZE, unspecific=rf"(?:at |from |in )?<a>{_RANDOM} (?:distance|range)s?(?: (?:from|to|of) {RADAR})?", usual=(1.5, 5.0),
+    _SIZE, unspecific=rf"(?:at |from |in )?<a>{_RANDOM} (?:distance|range)s?(?: (?:from|to|of) {RADAR})?|distance {_RANDOM}(?= ,|$)", usual=(1.5, 5.0),
 )  # fmt: skip
 """Distance from the radar over the floor [m]; a keyword without a unit ("distance: 2") is in metres."""
 AZIMUTH = Quantity(
@@ -130,7 +130,7 @@ AZIMUTH = Quantity(
         rf"(?:at )?<a>(?:angle of )?{_ABOUT}(?P<value><r>) degrees? (?:off|from|away from) {_BORESIGHT}{_SIDE_OF}?",
         rf"(?:at )?{_ABOUT}(?P<value><r>) degrees? (?:(?:to|on) (?:the |its )?)?(?P<side>left|right) of (?:{_BORESIGHT}|{RADAR})",
     ),
-    unspecific=rf"(?:at |from |in |with )?<a>{_RANDOM} (?:azimuth|bearing)(?: angle)?s?", usual=(-60.0, 60.0), hint=", positive to the radar's left",
+    unspecific=rf"(?:at |from |in |with )?<a>{_RANDOM} (?:azimuth|bearing)(?: angle)?s?|azimuth {_RANDOM}(?= ,|$)", usual=(-60.0, 60.0), hint=", positive to the radar's left",
 )  # fmt: skip
 """Azimuth of the person from the boresight, positive to the radar's left [degrees]."""
 _TURNED = r"(?:<face>|<look>|turned|rotated|oriented|orientated|<rotate>|<turn>|orientation|heading)"
@@ -142,7 +142,7 @@ ORIENTATION = Quantity(
     ),
     unspecific=(
         rf"(?:(?:with|at|in|{_TURNED})(?: (?:to|in|at|into|towards?))? )?<a>{_RANDOM} (?:(?:facing|body|yaw) )?(?:orientation|direction|angle|rotation|yaw|heading|way)s?"
-        rf"|(?:randomly (?:oriented|orientated|rotated|turned|facing)|(?:oriented|orientated|rotated|turned|facing) (?:at random|randomly|anywhere|any way))"
+        rf"|orientation {_RANDOM}(?= ,|$)|(?:randomly (?:oriented|orientated|rotated|turned|facing)|(?:oriented|orientated|rotated|turned|facing) (?:at random|randomly|anywhere|any way))"
     ),
     usual=(0.0, 360.0), hint=" (0° to 360° or -180° to 180°)",
 )  # fmt: skip
@@ -173,7 +173,7 @@ AGE = Quantity(
     "age", " years", (4.0, 90.0),
     (
         rf"(?:(?:aged|age|age of|ages|at the age of) ){_ABOUT}(?P<value><r>)(?: years?(?: old| of age)?)?",
-        r"(?P<value><r>) (?:years? (?:old|of age)|yo|y ,? ?o)",
+        r"(?P<value><r>) (?:years? (?:old|of age)|yo|y ,? ?o)|(?:(?<=, )|^)(?P<value2><r>) years?(?= ,|$)",
     ),
     digits=0,
 )  # fmt: skip

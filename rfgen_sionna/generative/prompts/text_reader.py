@@ -43,7 +43,7 @@ _EITHER = re.compile(
 )
 _TAKEN = "~"
 _VALUE_KEY = re.compile(
-    r"""["']?\b(orientation|facing|distance|range|azimuth|bearing|height|weight|age|hand)\b["']?\s*[:=]\s*"""
+    r"""["']?\b(orientation|facing|distance|range|azimuth|bearing|height|weight|age|hand)\b["']?\s*[:=]\s*["']?"""
 )
 AFTERWARDS = re.compile(r"\b(?:then|afterwards|after|before \w+ing|finally|followed by)\b")
 """Words for a sequence of actions, which no source can perform."""
@@ -152,6 +152,7 @@ def normalise(text: str) -> str:
     """
     text = unicodedata.normalize("NFKC", text).lower()
     text = _PLAIN_KEY.sub(" , ", _VALUE_KEY.sub(r" , \1 ", text))
+    text = text.replace("@", " at ")
     text = re.sub(r"(\d),(\d{1,2})(?!\d)", r"\1.\2", text)  # decimal comma
     text = _EXPONENT.sub(_expand, text)
     text = re.sub(r"(\d)\s*[-–—−]\s*(?=\d)", r"\1 to ", text)
@@ -211,6 +212,14 @@ class Reader:
             if meaning is not None:
                 self.understood.append((match.group(), meaning))
         return matches
+
+    def take_part(self, pattern: str, meaning: str) -> list[str]:
+        """Take the group `part` of every match of a pattern."""
+        matches = list(compile_pattern(pattern).finditer(self.text))
+        for match in matches:
+            self.erase(*match.span("part"))
+            self.understood.append((match["part"], meaning))
+        return [match["part"] for match in matches]
 
     def erase(self, start: int, end: int) -> None:
         """Take the characters from `start` to `end`, such as a group of a match."""

@@ -115,15 +115,6 @@ def _take_subject(reader: Reader) -> ThingKind | None:
         before = re.fullmatch(compile_pattern(thing_words.SUBJECT).pattern, reader.text[:start])
         if before is None:
             return None
-    count = before["count"] if before is not None else None
-    counted = bool(count) and compile_pattern("<n>").fullmatch(str(count)) is not None and number(str(count)) != 1.0
-    noun = match.group().split()[-1]
-    plural = noun.endswith("s") and not noun.endswith(("bus", "ss")) and not match.group().startswith(("person", "man"))
-    if counted or (plural and name != "curtain"):
-        raise PromptError(
-            f"target: {(str(count or '') + ' ' + match.group()).strip()!r} is more than one; a prompt describes one, a "
-            "Simulator takes several actors"
-        )
     if before is not None and before["count"]:
         reader.erase(*before.span("count"))
     kept = match.span("verb") if match.groupdict().get("verb") else (match.end(), match.end())
@@ -201,7 +192,6 @@ class _Reading:
         self.found["surroundings"] = list(self.scenes)
         refuse_unknown_place(reader)
         reader.take(REPEATED, "repeated, as it is")
-        self._refuse_others()
         named: dict[str, str] = {}
         speed, pace = VEHICLE_SPEED.draw(reader, seed, named), self.one("pace")
         action = self._action(prompt, bool(ways or speed is not None), speed)
@@ -274,20 +264,6 @@ class _Reading:
                 f"{', '.join(map(repr, unread))}); known: {known}"
             )
         return kind.alone or ("stand" if "stand" in kind.actions else next(iter(kind.actions)))
-
-    def _refuse_others(self) -> None:
-        """Refuse a second target."""
-        patterns = [PERSON, *(each.nouns for each in THINGS.values())]
-        for pattern in patterns:
-            for match in compile_pattern(pattern).finditer(self.reader.text):
-                if compile_pattern(thing_words.ATTRIBUTES).fullmatch(match.group()):
-                    continue
-                if match.group() in ("he", "she") or match.group() in self.kind.name.split("_"):
-                    continue
-                raise PromptError(
-                    f"target: the prompt names a {self.kind.name} and {match.group()!r}; a prompt describes one: make "
-                    "each by Actor.from_prompt and give them as actors"
-                )
 
 
 def way_origin(said: ThingPrompt, seed: int) -> str:

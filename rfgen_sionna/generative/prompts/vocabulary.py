@@ -22,7 +22,7 @@ ORIENTATION_PATTERNS: tuple[tuple[float, str], ...] = (
 )  # fmt: skip
 """(angle [degrees], pattern): 0 faces the radar, positive turns towards the person's own left."""
 
-_STRAIGHT = r"(?:(?:straight|right|directly|forwards?|ahead) )*"
+_STRAIGHT = r"(?:(?:straight|right|directly|radially) )*"
 FROM_RADAR = rf"{_STRAIGHT}away(?: from {RADAR})?"
 TO_RADAR = rf"{_STRAIGHT}(?:(?:back )?(?:towards?|up to|to) {RADAR}|closer(?: to {RADAR})?|nearer(?: to {RADAR})?)"
 """Ways from and to the radar."""
@@ -32,14 +32,25 @@ BOTH_WAYS = (
 )
 """To the radar and back."""
 WALKS = r"(?:<walk>|<run|ran>|<stroll>|<jog>|<stride|strode>|<march>|<sprint>|<limp>|<crawl>|<sneak>|<wander>|<pace>)"
-SIDE_WAYS: tuple[tuple[str, str], ...] = tuple(
-    (
-        side,
-        rf"(?P<kept>{WALKS}(?: [a-z]+ly)?(?: ~+)*) (?:(?:to|towards) )?<a>(?:own )?{side}(?:wards?)?(?: side)?(?! (?:arm|hand|leg|foot|knee|and|or)\b)",
-    )
-    for side in ("left", "right")
+GOES = r"(?:<go|went>|<move>|<come|came>|<step>|<head>|<return>|<travel>|<pass>)"
+_WALKING = rf"(?:{WALKS}|{GOES})(?: [a-z]+ly)?(?: ~+)*"
+_ACROSS = (
+    rf"tangentially|(?:past|by)(?: {RADAR})?(?= ,| ~|$)|past {RADAR}|across (?:the )?(?:radar|scene|view|field of view|line of sight)"
+    rf"|perpendicular(?:ly)? to (?:{RADAR}|the line of sight)|in front of {RADAR} from side to side"
 )
-"""(side of the person, pattern) of people who walk there; the verb stays in the phrase of the action."""
+WALKING_WAYS: tuple[tuple[str, str], ...] = (
+    ("left", rf"{_WALKING} (?P<part>from <a>left (?:side )?to <a>right(?: side)?)"),
+    ("right", rf"{_WALKING} (?P<part>from <a>right (?:side )?to <a>left(?: side)?)"),
+    ("to", rf"{_WALKING} (?P<part>back (?:to|towards?) {RADAR})"),
+    ("to", rf"{_WALKING} (?P<part>radially)(?! (?:towards?|away|to)\b)"),
+    ("across", rf"{_WALKING} (?P<part>{_ACROSS})"),
+    *(
+        (side, rf"{WALKS}(?: [a-z]+ly)?(?: ~+)* (?P<part>(?:(?:to|towards) )?<a>(?:own )?{side}(?:wards?)?(?: side)?)(?! (?:arm|hand|leg|foot|knee|and|or|to)\b)")
+        for side in ("left", "right")
+    ),
+)  # fmt: skip
+"""(way, pattern of a phrase with the verb before it); "left" and "right" are the person's own, "across" the radar's view
+is one of the two. From the radar's left to its right is to the left of somebody who faces it."""
 WAYS = {"to": 0.0, "left": 90.0, "away": 180.0, "right": 270.0}
 """Way -> orientation of people who go forwards [degrees]."""
 THE_ROOM = r"(?:in|inside|across|through|around|round|about) the (?:whole |entire )?room"

@@ -198,7 +198,7 @@ def test_any_human_noun(subject: str, gender: str | None, ages: tuple[float, flo
 
 def test_nouns_of_people_are_told_from_those_of_animals_and_things() -> None:
     people = ("florist", "barista", "astronaut", "hooligan", "surgeon", "hiker", "widow", "referee")
-    others = ("elephant", "kangaroo", "tractor", "toaster", "balloon", "printer", "statue", "penguin")
+    others = ("elephant", "kangaroo", "tractor", "toaster", "balloon", "printer", "statue", "market")
     assert [word for word in people if not is_human(word)] == []
     assert [word for word in others if is_human(word)] == []
     with pytest.raises(PromptError, match="target: 'kangaroo' is no person"):
@@ -207,9 +207,9 @@ def test_nouns_of_people_are_told_from_those_of_animals_and_things() -> None:
 
 WORDS = (
     "a the his man woman nurse old tall walks jumping raises left arm hand slowly quickly small big steps at 3 m 2.5 "
-    "to 4 between and 45 degrees azimuth orientation random range facing away radar towards in office red coat pauses "
-    "tired circle back forth times minute every second breathing heart rate , with for 20 years happily because blue seven "
-    "km/h 1.8 kg who is hands on hips folded arms room around loop 10 cm high"
+    "to 4 between and 45 degrees azimuth orientation random range facing away radar towards in office red coat "
+    "pauses tired circle back forth times minute every second breathing heart rate , with for 20 years happily because "
+    "blue seven km/h 1.8 kg who is hands on hips folded arms room around loop 10 cm high"
 )
 
 

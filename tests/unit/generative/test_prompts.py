@@ -262,8 +262,8 @@ def test_contradictions_are_refused_by_name(prompt: str, negative: str, field: s
         ),
         ("purple monkey dishwasher", "action: .*the nearest that can be done"),
         ("an elephant runs", "target: 'elephant' is no person, animal or thing"),
-        ("two people walking", "more than one person"),
-        ("women walking", "more than one person"),
+        ("two people walking", "target: the prompt names 2 actors"),
+        ("women walking", "target: 'women' are several without a number"),
         ("a person walking and jumping", r"names several actions \('walk' and 'jump'\)"),
         ("a person turns 45 degrees", "action: 'turns 45 degrees'"),
         ("a person raises the left arm by 45 degrees", "angle: 'arm by 45 degrees' is the angle of a limb"),
@@ -435,7 +435,6 @@ def test_what_would_be_misread_is_refused(prompt: str, message: str) -> None:
         "in the middle",
         "in an energetic way",
         "in a T pose",
-        "in a big jump",
     ],
 )
 def test_what_is_said_like_a_place_but_is_none_is_not_refused(phrase: str) -> None:
