@@ -50,6 +50,11 @@ def _of_window(rows: FloatArray, way: FloatArray) -> FloatArray:
     return np.stack(both)
 
 
+def learnable(clips: Sequence[LibraryClip]) -> frozenset[str]:
+    """Actions of the library of which there are clips enough to learn them."""
+    return frozenset(action for action, count in Counter(clip.action for clip in clips).items() if count >= _FEWEST)
+
+
 class ActionRecogniser:
     """Names the action of the library that a motion looks like.
 
@@ -59,13 +64,20 @@ class ActionRecogniser:
         Clips to learn from.
     signals
         Signals of each, by name.
+
+    Raises
+    ------
+    ValueError
+        No action has three clips.
     """
 
     def __init__(self, clips: Sequence[LibraryClip], signals: Mapping[str, MotionSignals], seed: int = 0) -> None:
-        counts = Counter(clip.action for clip in clips)
+        learned = learnable(clips)
+        if not learned:
+            raise ValueError(f"clips: {len(clips)}, of no action {_FEWEST} or more; there is nothing to learn")
         windows: dict[str, list[FloatArray]] = {}
         for clip in clips:
-            if counts[clip.action] >= _FEWEST:
+            if clip.action in learned:
                 windows.setdefault(clip.action, []).extend(statistics(signals[clip.name]))
         rng = np.random.default_rng(seed)
         rows, labels = [], []

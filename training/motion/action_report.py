@@ -9,12 +9,12 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -25,16 +25,17 @@ from rfgen_sionna.generative.action_definitions import MotionSignals, check
 from rfgen_sionna.generative.action_definitions.sampled_series import RATE, rate_of
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion import MEAN_ADULT
+from rfgen_sionna.generative.motion.skeleton import NUM_BODY_JOINTS
 from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
 from rfgen_sionna.generative.performing import performable, trials
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.records import Motion
 from training.commands import plainly, progress_bar
-from training.motion.action_recogniser import ActionRecogniser
+from training.motion.action_recogniser import ActionRecogniser, learnable
+from training.motion.action_table import METRICS, table
 from training.motion.alignment import POSE_RATE, aligned_distance, mirrored_poses, poses
 from training.motion.definitions import half_of_subjects, read_clips
 
-OUT = Path("docs/actions-metrics.json")
 _PAIRS = 60
 """Pairs of motions that are compared at most."""
 _PART = 2.0
@@ -62,7 +63,7 @@ class ActionFigures:
     """Clips of the library that show it."""
     subjects: int
     speed: float | None
-    """95th percentile of the speed of wrists and ankles, median over motions [m/s]."""
+    """95th percentile of the speed of wrists and ankles in the liveliest stretch, median over motions [m/s]."""
     speed_ratio: float | None
     """That over the clips'."""
     slide: float | None
@@ -79,6 +80,8 @@ class ActionFigures:
     """That over the distance of clips of different subjects, where five or more show it."""
     nearest: float | None
     """Distance to the nearest clip or its mirror image, median [m]."""
+    takes: float | None
+    """Distance of a clip to the nearest other one of the same person, median [m]."""
     recognised: float | None
     """Share that a recogniser names rightly which has seen other people."""
     recognised_clips: float | None
@@ -88,44 +91,51 @@ class ActionFigures:
 
 
 class ClipReference:
-    """The clips of the library with their signals, and recognisers of both halves of the subjects."""
+    """Clips of the library with their signals, and recognisers of both halves of the subjects.
 
-    def __init__(self) -> None:
-        self.library = MotionLibrary()
-        self.signals = {clip.name: MotionSignals(self.library.motion(clip.name)) for clip in self.library}
+    Args:
+        names: clips to take; None takes all.
+    """
+
+    def __init__(self, names: Sequence[str] | None = None) -> None:
+        library = MotionLibrary()
+        self._clips = [clip for clip in library if names is None or clip.name in names]
+        self.signals = {clip.name: MotionSignals(library.motion(clip.name)) for clip in self._clips}
         self._shown = read_clips()
-        self._half = half_of_subjects(self.library)
-        self._clip = {clip.name: clip for clip in self.library}
+        self._half = half_of_subjects(library)
+        self._subjects = {clip.name: clip.subject for clip in library}
 
     def clips(self, action: str) -> list[LibraryClip]:
         """Clips that show an action, by caption and definition."""
         if action not in self._shown:
             return []
         roles = self._shown[action]
-        return [c for c in self.library if roles.role(c) == "shown" and check(self.signals[c.name], action).true]
+        return [c for c in self._clips if roles.role(c) == "shown" and check(self.signals[c.name], action).true]
 
     @cached_property
     def recognisers(self) -> dict[bool, ActionRecogniser]:
         """By whether the half of subjects that they have *not* seen is the first one."""
-        return {
-            half: ActionRecogniser([c for c in self.library if (c.subject in self._half) != half], self.signals)
-            for half in (True, False)
-        }
+        unseen = {half: [c for c in self._clips if (c.subject in self._half) != half] for half in (True, False)}
+        return {half: ActionRecogniser(own, self.signals) for half, own in unseen.items() if learnable(own)}
 
     def named(self, signals: MotionSignals, names: Sequence[str], accepted: frozenset[str]) -> str | None:
         """What a recogniser calls a motion of the clips called `names` that has seen none of their subjects; None where
         it has seen some, or has not learned what is `accepted`."""
-        halves = {self._clip[name].subject in self._half for name in names}
+        halves = {self._subjects[name] in self._half for name in names}
         for half in halves if len(halves) == 1 else () if halves else (True, False):
-            if accepted & self.recognisers[half].actions:
+            if half in self.recognisers and accepted & self.recognisers[half].actions:
                 return self.recognisers[half].name(signals)
         return None
 
 
-def extremity_speed(signals: MotionSignals) -> float:
-    """95th percentile of the speeds of wrists and ankles in the world [m/s]."""
+def extremity_speed(signals: MotionSignals, seconds: float) -> float:
+    """95th percentile of the speeds of wrists and ankles in the world, of the liveliest stretch of a length [m/s]."""
     places = np.concatenate([signals.pair("wrist"), signals.pair("ankle")], axis=1)
-    return float(np.percentile(np.linalg.norm(rate_of(places), axis=-1), 95))
+    speeds = np.linalg.norm(rate_of(places), axis=-1)
+    total = np.concatenate([[0.0], np.cumsum(speeds.sum(axis=1))])
+    size = min(max(round(seconds * RATE), 5), len(speeds))
+    start = int(np.argmax(total[size:] - total[:-size]))
+    return float(np.percentile(speeds[start : start + size], 95))
 
 
 def standing_slide(signals: MotionSignals) -> float | None:
@@ -137,7 +147,7 @@ def standing_slide(signals: MotionSignals) -> float | None:
 
 def depth(signals: MotionSignals) -> float:
     """Depth of the deepest joint, or sole, under the floor [m]; 0 for none."""
-    return float(max(-signals.joints[..., 2].min(), -signals.feet.min(), 0.0))
+    return float(max(-signals.joints[:, :NUM_BODY_JOINTS, 2].min(), -signals.feet.min(), 0.0))
 
 
 def _part(rows: FloatArray, seconds: float) -> FloatArray:
@@ -158,6 +168,12 @@ def _spread(rows: Sequence[FloatArray], pairs: Sequence[tuple[int, int]], second
 def _some(pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
     order = np.random.default_rng(0).permutation(len(pairs))[:_PAIRS]
     return [pairs[k] for k in order]
+
+
+def _same_person(clips: Sequence[LibraryClip]) -> list[list[int]]:
+    """Other clips of the same subject, for each of the first clips."""
+    subjects = [clip.subject for clip in clips]
+    return [[b for b, one in enumerate(subjects) if b != a and one == own] for a, own in enumerate(subjects[:20])]
 
 
 def _median(values: Sequence[float | None]) -> float | None:
@@ -199,12 +215,16 @@ def measure_action(action: str, seeds: int, duration: float, reference: ClipRefe
         min(aligned_distance(_part(row, part), each) for clip in real_rows for each in (clip, mirrored_poses(clip)))
         for row in (rows[:20] if real_rows else [])
     ]
+    takes = [
+        min((aligned_distance(_part(real_rows[a], part), real_rows[b]) for b in same), default=None)
+        for a, same in enumerate(_same_person(clips))
+    ]
     accepted = frozenset(clip.action for clip in clips)
     names = [reference.named(s, getattr(m, "clips", ()) or (), accepted) for s, m in zip(signals, motions, strict=True)]
     names = [name for name in names if name is not None]
     real_names = [reference.named(s, (clip.name,), accepted) for s, clip in zip(real[:40], clips[:40], strict=True)]
     real_names = [name for name in real_names if name is not None]
-    speed, slide = _median([extremity_speed(s) for s in signals]), _median([standing_slide(s) for s in signals])
+    speed, slide = _median([extremity_speed(s, part) for s in signals]), _median([standing_slide(s) for s in signals])
     last = slice(-round(0.3 * RATE), None)
     ends = [max(s.pelvis_height[last].mean(), s.head_height[last].mean()) for s in signals]
     return ActionFigures(
@@ -217,7 +237,7 @@ def measure_action(action: str, seeds: int, duration: float, reference: ClipRefe
         clips=len(clips),
         subjects=subjects,
         speed=speed,
-        speed_ratio=_over(speed, _median([extremity_speed(s) for s in real])),
+        speed_ratio=_over(speed, _median([extremity_speed(s, part) for s in real])),
         slide=slide,
         slide_clips=_median([standing_slide(s) for s in real]),
         below=max((depth(s) for s in signals), default=0.0),
@@ -225,38 +245,11 @@ def measure_action(action: str, seeds: int, duration: float, reference: ClipRefe
         variety=variety,
         variety_ratio=_over(variety, among_clips),
         nearest=_median(near),
+        takes=_median(takes),
         recognised=float(np.mean([name in accepted for name in names])) if names else None,
         recognised_clips=float(np.mean([name in accepted for name in real_names])) if real_names else None,
         taken_for=tuple(Counter(name for name in names if name not in accepted).most_common(3)),
     )
-
-
-_COLUMNS = {
-    "true, first try": lambda f: f"{100 * f['first']:.0f} %",
-    "true": lambda f: f"{100 * f['true']:.0f} %",
-    "s a motion": lambda f: f"{f['seconds']:.2f}",
-    "limb speed [m/s]": lambda f: _number(f["speed"], 1),
-    "over clips'": lambda f: _number(f["speed_ratio"], 2),
-    "slide, clips' [cm/s]": lambda f: f"{_number(f['slide'], 1, 100)}, {_number(f['slide_clips'], 1, 100)}",
-    "below floor [cm]": lambda f: f"{100 * f['below']:.1f}",
-    "variety [cm]": lambda f: _number(f["variety"], 1, 100),
-    "over people's": lambda f: _number(f["variety_ratio"], 2),
-    "nearest clip [cm]": lambda f: _number(f["nearest"], 1, 100),
-    "recognised, clips": lambda f: f"{_number(f['recognised'], 0, 100)}, {_number(f['recognised_clips'], 0, 100)} %",
-}
-"""Heading and text of each column."""
-
-
-def _number(value: float | None, digits: int, scale: float = 1.0) -> str:
-    return "–" if value is None else f"{scale * value:.{digits}f}"
-
-
-def table(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Lines of a Markdown table of the figures of actions, as read from the JSON file."""
-    lines = [f"| action | {' | '.join(_COLUMNS)} |", "| --- " * (1 + len(_COLUMNS)) + "|"]
-    for action, figures in sorted(results.items()):
-        lines.append(f"| `{action}` | {' | '.join(column(figures) for column in _COLUMNS.values())} |")
-    return lines
 
 
 @plainly
@@ -264,7 +257,7 @@ def main(
     actions: Annotated[list[str] | None, typer.Option(help="Actions; all that can be performed by default.")] = None,
     seeds: Annotated[int, typer.Option(min=2, help="Motions of each action.")] = 100,
     duration: Annotated[float, typer.Option(min=1.0, help="Of a motion [s].")] = 6.0,
-    out: Annotated[Path, typer.Option(help="JSON file; figures of other actions in it are kept.")] = OUT,
+    out: Annotated[Path, typer.Option(help="JSON file; figures of other actions in it are kept.")] = METRICS,
 ) -> None:
     """Measure what `perform` makes of actions, beside the library's clips."""
     unknown = [action for action in actions or () if action not in performable()]

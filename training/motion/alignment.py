@@ -20,9 +20,11 @@ _TWINS = [
 
 def poses(signals: MotionSignals) -> FloatArray:
     """(pose, 66) joints from the pelvis in the person's axes, with the height of the pelvis [m]."""
-    local = signals.ahead(signals.joints - signals.joints[:, :1])
+    joints = signals.joints[:, :NUM_BODY_JOINTS]
+    local = signals.ahead(joints - joints[:, :1])
     local[:, 0, 2] = signals.pelvis_height
-    return local[:: round(RATE / POSE_RATE)].reshape(len(local[:: round(RATE / POSE_RATE)]), -1)
+    chosen = local[:: round(RATE / POSE_RATE)]
+    return chosen.reshape(len(chosen), -1)
 
 
 def mirrored_poses(rows: FloatArray) -> FloatArray:

@@ -20,21 +20,19 @@ import typer
 from rich.console import Console
 
 from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSignals, check
-from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
 from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
 from training.commands import plainly
+from training.motion.action_table import performed_lines
 
 CLIPS = Path(__file__).with_name("definition_clips.toml")
 """Which clips show an action."""
-SEEDS = 20
-"""Motions of each action by rules."""
 _MEASURED = (
     "The definitions were measured on the {clips} clips of the motion library. *True*: clips of the action for "
     "which the definition holds, of one half of the subjects and of the other. *Refused*: clips of other actions "
     "for which it does not hold. Clips that may show the action beside their own (boxing has punches, dances have "
     "turns) count neither way; `training/motion/definition_clips.toml` lists them. Disagreements in both halves led "
-    "to corrections, so no rate is one of people never seen. *By rules*: of {seeds} seeds of the synthesiser. "
-    "Actions without clips have no measured rate."
+    "to corrections, so no rate is one of people never seen. Actions without clips have no "
+    "measured rate."
 )
 _FIELDS = {"shown", "compatible", "mixed"}
 
@@ -159,14 +157,6 @@ def measure(
     return found
 
 
-def by_rules(seeds: int = SEEDS, duration: float = 6.0) -> dict[str, int]:
-    """Number of seeds of the kinematic synthesiser for which the definition of its action holds."""
-    source = KinematicSource(frame_rate=40.0)
-    return {
-        action: sum(check(source(action, duration, seed), action).true for seed in range(seeds)) for action in ACTIONS
-    }
-
-
 def _percent(part: int, whole: int) -> str:
     return f"{100 * part / whole:.1f} %" if whole else "–"
 
@@ -175,7 +165,7 @@ def _of(counts: tuple[int, int]) -> str:
     return f"{counts[0]} of {counts[1]}" if counts[1] else "–"
 
 
-def page(library: MotionLibrary, rates: dict[str, Rates], rules: dict[str, int], seeds: int = SEEDS) -> str:
+def page(library: MotionLibrary, rates: dict[str, Rates]) -> str:
     """The page of the actions in Markdown."""
     lines = [
         "# Actions and their definitions",
@@ -192,11 +182,11 @@ def page(library: MotionLibrary, rates: dict[str, Rates], rules: dict[str, int],
         'print(check(motion, "sit_down").reasons)',
         "```",
         "",
-        *textwrap.wrap(_MEASURED.format(clips=len(library), seeds=seeds), 118, break_on_hyphens=False),
+        *textwrap.wrap(_MEASURED.format(clips=len(library)), 118, break_on_hyphens=False),
         "`python -m training.motion.definitions` writes this page.",
         "",
-        "| action | what must be true | true | true, other half | refused | by rules |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| action | what must be true | true | true, other half | refused |",
+        "| --- | --- | --- | --- | --- |",
     ]
     for action, definition in sorted(DEFINED_ACTIONS.items()):
         sentence = definition.sentence
@@ -210,8 +200,8 @@ def page(library: MotionLibrary, rates: dict[str, Rates], rules: dict[str, int],
             if each is None
             else _percent(each.refused[0] + each.refused_before[0], each.refused[1] + each.refused_before[1])
         )
-        made = f"{rules[action]} of {seeds}" if action in rules else "–"
-        lines.append(f"| `{action}` | {sentence} | {cells[0]} | {cells[1]} | {refused} | {made} |")
+        lines.append(f"| `{action}` | {sentence} | {cells[0]} | {cells[1]} | {refused} |")
+    lines += performed_lines()
     lines += [
         "",
         "## Clips that do not show what their action says",
@@ -234,7 +224,7 @@ def main(out: Annotated[Path, typer.Option(help="Page to write.")] = Path("docs/
     library = MotionLibrary()
     signals = {clip.name: MotionSignals(library.motion(clip.name)) for clip in library}
     rates = measure(library, signals)
-    out.write_text(page(library, rates, by_rules()), encoding="utf-8")
+    out.write_text(page(library, rates), encoding="utf-8")
     good = sum(each.reliable for each in rates.values())
     Console().print(f"{out}: {len(DEFINED_ACTIONS)} actions, {len(rates)} measured, {good} of them right on 95 %")
 

@@ -113,9 +113,12 @@ def sit_and_stand(s: MotionSignals) -> Requirements:
     ]
 
 
-@defines("lie", "Pelvis under 0.35 m and head under 0.45 m, trunk level, throughout.")
+@defines("lie", "Pelvis under 0.35 m and head under 0.45 m, trunk level, calm, throughout.")
 def lie(s: MotionSignals) -> Requirements:
-    return [at_least("share of time with pelvis and head at the floor", share(lying(s)), 0.9)]
+    return [
+        at_least("share of time with pelvis and head at the floor", share(lying(s)), 0.9),
+        at_most("mean speed of hands, feet, head and pelvis [m/s]", s.activity.mean(), 0.12),
+    ]
 
 
 def fastest_descent(s: MotionSignals) -> tuple[int, float]:
