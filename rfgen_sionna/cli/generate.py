@@ -32,10 +32,12 @@ rfgen generate "a person doing jumping jacks" --environment "a bedroom with a wa
 
 rfgen generate "a man jumps, 4 m away" --environment Munich --radar-position 205.1,-261.5,1.5 --look-at 200,-261.5,1.5
 
-A prompt names a person and one action; orientation, distance, azimuth, body, hand, speed and surroundings are optional.
-The learned motion ("diffusion") also has captured actions ("dances") and arm actions during a walk, and replaces an
-unknown action by the nearest one, with a warning. Words without effect are listed. The seed draws open choices; the
-report gives the origin of every value: prompt, argument, default or seed."""
+A prompt names a person and one action, or one of the arms over one of the legs ("walks while waving"); orientation,
+distance, azimuth, body, surroundings and manner are optional. Manner is pace or speed ("slowly", "at 0.5 m/s"), size
+("small steps"), repetitions ("15 times a minute"), way ("in a circle", "back and forth", "around the room with pauses"),
+posture of the arms ("with hands on the hips") and tiredness. The seed draws from ranges ("at 2 to 4 m", "facing a random
+direction") and among open choices. What cannot be done is refused with the nearest that can; words without effect are
+listed; the report gives the origin of every value: prompt, argument, default or seed."""
 
 
 def generate(

@@ -2,10 +2,7 @@
 
 from rfgen_sionna.generative.motion.actions import ACTIONS, Action
 from rfgen_sionna.generative.motion.kinematic import KinematicSource
-from rfgen_sionna.generative.motion.motion_source import MotionSource, SentenceSource
+from rfgen_sionna.generative.motion.motion_source import MotionSource
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, MEAN_ADULT, PARENTS, Skeleton
 
-__all__ = [
-    "ACTIONS", "JOINT_NAMES", "MEAN_ADULT", "PARENTS", "Action", "KinematicSource", "MotionSource", "SentenceSource",
-    "Skeleton",
-]  # fmt: skip
+__all__ = ["ACTIONS", "JOINT_NAMES", "MEAN_ADULT", "PARENTS", "Action", "KinematicSource", "MotionSource", "Skeleton"]

@@ -59,12 +59,8 @@ class ScenePrompt(ShortRepr):
     """Value -> origin (:mod:`rfgen_sionna.generative.decisions`)."""
     arms: str = ""
     """Action of the arms; empty for the same one."""
-    sentence: str = ""
-    """Sentence for the motion source, without distances, bodies and the like; empty if `action` suffices."""
-    avoid: str = ""
-    """Negative sentence for the motion source."""
     notes: tuple[str, ...] = ()
-    """Warnings about replaced actions."""
+    """Warnings."""
 
     @property
     def hand(self) -> str | None:
