@@ -36,8 +36,8 @@ A prompt names a person and one action, or one of the arms over one of the legs 
 distance, azimuth, body, surroundings and manner are optional. Manner is pace or speed ("slowly", "at 0.5 m/s"), size
 ("small steps"), repetitions ("15 times a minute"), way ("in a circle", "back and forth", "around the room"), pauses,
 posture of the arms ("with hands on the hips") and tiredness. The seed draws from ranges ("at 2 to 4 m", "facing a
-random direction") and among open choices. What cannot be done is refused with the nearest that can; words without effect are
-listed; the report gives the origin of every value: prompt, argument, default or seed."""
+random direction") and among open choices. What cannot be done is refused with the nearest that can; words without
+effect are listed; the report gives the origin of every value: prompt, argument, default or seed."""
 
 
 def generate(
