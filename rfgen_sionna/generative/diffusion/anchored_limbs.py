@@ -12,16 +12,18 @@ from scipy.spatial.transform import Rotation
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.diffusion.pose_rows import planted_feet
 from rfgen_sionna.generative.motion.floor_contact import floor_clearance, keep_body_above_floor
-from rfgen_sionna.generative.motion.foot_lock import TRANSITION
+from rfgen_sionna.generative.motion.foot_lock import pole_direction, within_reach
 from rfgen_sionna.generative.motion.rotations import X, same_sign, to_matrices, to_quaternions, transpose
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics, global_rotations, two_bone
 from rfgen_sionna.records import Motion
 
+_TRANSITION = 0.15
+"""Time within which a planted limb is let go [s]; bounds the jump of velocities."""
 _RISE = 0.08
 """Width of the smoothing of the pelvis' height [s]."""
 _ROUNDS = 2
 """Limbs that follow change the lowest point; then both are done again."""
-_STRETCHED = 0.995
+_STRETCHED = 0.99
 """Share of a leg's length to which it is stretched at most."""
 _PLANTED_HAND = 0.12
 """Height of a wrist over the floor under which the hand rests on it [m]."""
@@ -87,12 +89,12 @@ def _follow(motion: Motion, draft: Motion, side: str, limb: str, weight: FloatAr
         for joint in (end, toe):
             missing = before[:, joint, 2].min() - places[:, joint, 2] - shift[:, 2]
             shift[:, 2] += np.maximum(missing, 0.0)
-    pole = _BENDS[limb] * (world[:, upper] @ X)
     lengths = [float(np.linalg.norm(motion.offsets[joint])) for joint in (middle, end)]
-    start, target = places[:, upper], places[:, end]
-    _, *old = two_bone(start, target, pole, *lengths)
-    _, *new = two_bone(start, target + shift, pole, *lengths)
-    first, second = (after @ transpose(now) for after, now in zip(new, old, strict=True))
+    start, now = places[:, upper], places[:, end]
+    pole = pole_direction(places[:, middle] - start, now - start, _BENDS[limb] * (world[:, upper] @ X))
+    _, *old = two_bone(start, now, pole, *lengths)
+    _, *new = two_bone(start, within_reach(start, now, now + shift, sum(lengths)), pole, *lengths)
+    first, second = (after @ transpose(prior) for after, prior in zip(new, old, strict=True))
     turned = {upper: first @ world[:, upper], middle: second @ world[:, middle]}
     turned[end] = _towards(world[:, end], own[:, end], weight)
     parents = motion.parents
@@ -120,8 +122,8 @@ def _towards(rotations: FloatArray, others: FloatArray, weight: FloatArray) -> F
 
 
 def _eased(planted: NDArray[np.bool_], rate: float) -> FloatArray:
-    """(frame,) 1 where planted, falling smoothly to 0 within `TRANSITION`."""
+    """(frame,) 1 where planted, falling smoothly to 0 within `_TRANSITION`."""
     if not planted.any():
         return np.zeros(len(planted))
-    s = np.maximum(1.0 - distance_transform_edt(~planted) / (TRANSITION * rate), 0.0)
+    s = np.maximum(1.0 - distance_transform_edt(~planted) / (_TRANSITION * rate), 0.0)
     return np.asarray(s * s * (3.0 - 2.0 * s), np.float64)

@@ -11,7 +11,7 @@ from rfgen_sionna.generative.diffusion.variation import SHORTEST, STRENGTH, load
 from rfgen_sionna.generative.diffusion.variation_model import SHIPPED, VariationModel
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion import Skeleton
-from rfgen_sionna.generative.performing import perform
+from rfgen_sionna.generative.performing import PerformingSource
 from rfgen_sionna.records import Motion
 
 _LEAST = 0.05
@@ -55,17 +55,12 @@ class DiffusionSource:
         manner: Manner | None = None,
         arms: str = "",
     ) -> Motion:
-        """A motion that shows an action.
-
-        Args:
-            action, duration, seed, skeleton, manner, arms: as for
-                :func:`~rfgen_sionna.generative.performing.perform`, with its errors.
-            hand: goes before that of `manner`.
-            speed: goes before that of `manner`, unless 1.
-        """
-        manner = manner or Manner()
-        manner = replace(manner, hand=hand or manner.hand, speed=manner.speed if speed == 1.0 else speed)
-        return self.vary(perform(action, duration, seed, skeleton=skeleton, manner=manner, arms=arms))
+        """A motion that shows an action; arguments and errors as for
+        :class:`~rfgen_sionna.generative.performing.PerformingSource`."""
+        perform = PerformingSource()
+        return self.vary(
+            perform(action, duration, seed, skeleton=skeleton, hand=hand, speed=speed, manner=manner, arms=arms)
+        )
 
     def vary(self, draft: Motion, text: str = "", *, seed: int | None = None) -> Motion:
         """A variation that shows what its draft shows.

@@ -28,9 +28,9 @@ _HIGHEST = 0.9
 """Noise level of strength 1: a draft always shows."""
 _STEPS = 8
 """Evaluations of the network."""
-_CUTOFF, _POSTURE = 4.0, 0.3
+_CUTOFF, _POSTURE = 2.5, 0.3
 """Frequencies up to which the draft is changed, and up to which a change is one of posture [Hz]."""
-_MOVEMENT = 0.6
+_MOVEMENT = 0.5
 """Movement of a joint that a change adds at most, over the joint's own ..."""
 _NEAR = 0.4
 """... as seen within that time [s]."""

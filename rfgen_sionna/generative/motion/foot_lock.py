@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.resampling import runs
@@ -24,16 +24,12 @@ from rfgen_sionna.generative.motion.skeleton import (
 )
 from rfgen_sionna.records import Motion
 
-TRANSITION = 0.15
-"""Time of the transition between fixed and corrected poses [s]; bounds the jump of velocities."""
 _SHORTEST = 0.13
 """Duration below which a plant counts as noise [s]."""
 _ROLLING = 0.012
 """Height of the toes over the heel while the foot rolls on its heel [m]; above the noise of flat feet."""
 _RIDE = 0.06
 """Width of the smoothing of the pelvis' height [s]."""
-_SWINGS = 2.0
-"""Speed of a foot from which its contact loses weight, to none at twice that [m/s, mean adult]."""
 _BENT = 0.08
 """Distance of the knee from the line from hip to ankle from which it gives the direction of the bend [m]."""
 _STRAIGHT = 0.992
@@ -46,30 +42,21 @@ _FURTHEST = 0.12
 """Largest shift of a planted foot [m]; a longer drift is split."""
 
 
-def lock_feet(
-    motion: Motion, skeleton: Skeleton = MEAN_ADULT, *, ride: bool = True, fixed_legs: NDArray[np.bool_] | None = None
-) -> Motion:
-    """The motion with planted toes held still and no foot below the floor.
+def lock_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
+    """The motion with planted toes held still and no foot below the floor; the pelvis moves vertically to put the lower
+    planted foot on it.
 
     Args:
         motion: on `skeleton`, with contacts; without them only the floor is kept.
         skeleton: lengths of the legs.
-        ride: whether the pelvis moves vertically to put the lower planted foot on the floor.
-        fixed_legs: (frame,) frames whose legs stay unchanged; None fixes none.
     """
-    hold = (
-        np.ones(len(motion.translation))
-        if fixed_legs is None
-        else _away_from(fixed_legs, TRANSITION * motion.frame_rate)
-    )
-    moved = hold > 0.0
     world = global_rotations(to_matrices(motion.rotations), motion.parents)
     root = motion.translation.copy()
     places = forward_kinematics(world, root, motion.offsets, motion.parents)
     low = np.stack([_clearance(places, world, skeleton, side) for side in SIDES], axis=-1)
     # high feet are not planted (handstand)
     contacts = None if motion.contacts is None else motion.contacts & (low < PLANTED_BELOW)
-    if ride and contacts is not None and contacts.any():
+    if contacts is not None and contacts.any():
         planted = np.where(contacts, low, np.inf).min(axis=-1)
         at = np.flatnonzero(np.isfinite(planted))
         rise = np.interp(np.arange(len(planted)), at, planted[at])
@@ -91,13 +78,13 @@ def lock_feet(
         shift[:, 2] = np.maximum(shift[:, 2], least - low[:, i])
         lengths = skeleton.length(f"{side}_knee"), skeleton.length(f"{side}_ankle")
         start, end = places[:, hip], places[:, ankle]
-        pole = _bend(places[:, knee] - start, end - start, world[:, hip] @ X)
+        pole = pole_direction(places[:, knee] - start, end - start, world[:, hip] @ X)
         # relative to the solution without shift, so that a zero shift turns nothing
         _, *before = two_bone(start, end, pole, *lengths)
-        target = _within_reach(start, end, end + hold[:, None] * shift, sum(lengths))
+        target = within_reach(start, end, end + shift, sum(lengths))
         _, *after = two_bone(start, target, pole, *lengths)
         for joint, old, new in zip((hip, knee), before, after, strict=True):
-            world[moved, joint] = ((new @ transpose(old)) @ world[:, joint])[moved]
+            world[:, joint] = new @ transpose(old) @ world[:, joint]
     local = world.copy()
     for j, p in enumerate(motion.parents):
         if p >= 0:
@@ -105,37 +92,7 @@ def lock_feet(
     return replace(motion, rotations=to_quaternions(local), translation=root, contacts=contacts)
 
 
-def root_from_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
-    """The motion with the pelvis moved over the floor so that planted feet do not slide.
-
-    The pelvis stays where no foot is planted.
-    """
-    if motion.contacts is None or len(motion.translation) < 4:
-        return motion
-    world = global_rotations(to_matrices(motion.rotations), motion.parents)
-    places = forward_kinematics(world, motion.translation, motion.offsets, motion.parents)
-    fast = _SWINGS * skeleton.leg_length() / MEAN_ADULT.leg_length()
-    total = np.zeros((len(places) - 1, 2))
-    weight = np.zeros((len(places) - 1, 1))
-    for i, side in enumerate(SIDES):
-        ankle, toe = places[:, JOINT[f"{side}_ankle"]], places[:, JOINT[f"{side}_foot"]]
-        heel = ankle + world[:, JOINT[f"{side}_ankle"]] @ skeleton.heel[i]
-        rolling = toe[:, 2] - skeleton.toe_height > heel[:, 2] + _ROLLING
-        step = np.where((rolling[1:] & rolling[:-1])[:, None], np.diff(heel, axis=0), np.diff(toe, axis=0))[:, :2]
-        down = motion.contacts[:, i] & (_clearance(places, world, skeleton, side) < PLANTED_BELOW)
-        planted = (down[1:] & down[:-1])[:, None].astype(float)
-        # contacts of fast feet are wrong
-        speed = np.linalg.norm(step, axis=-1, keepdims=True) * motion.frame_rate
-        total += planted * step * np.clip(2.0 - speed / fast, 0.0, 1.0)
-        weight += planted
-    slip = np.divide(total, weight, out=np.zeros_like(total), where=weight > 0.0)
-    slip = gaussian_filter1d(slip, 0.03 * motion.frame_rate, axis=0, mode="nearest")
-    root = motion.translation.copy()
-    root[1:, :2] -= np.cumsum(slip, axis=0)
-    return replace(motion, translation=root)
-
-
-def _within_reach(start: FloatArray, end: FloatArray, target: FloatArray, longest: float) -> FloatArray:
+def within_reach(start: FloatArray, end: FloatArray, target: FloatArray, longest: float) -> FloatArray:
     """(frame, 3) targets of an ankle that stretch the leg further than it is only softly, up to nearly straight."""
     own, wanted = np.linalg.norm(end - start, axis=-1), np.linalg.norm(target - start, axis=-1)
     room = np.maximum(_STRAIGHT * longest - own, 1e-3)
@@ -144,7 +101,7 @@ def _within_reach(start: FloatArray, end: FloatArray, target: FloatArray, longes
     return start + (target - start) * (reached / np.maximum(wanted, 1e-9))[:, None]
 
 
-def _bend(thigh: FloatArray, leg: FloatArray, ahead: FloatArray) -> FloatArray:
+def pole_direction(thigh: FloatArray, leg: FloatArray, ahead: FloatArray) -> FloatArray:
     """(frame, 3) direction in which the knee is off the line from hip to ankle; that of `ahead` for a straight leg."""
     u = normalised(leg)
     off = thigh - np.sum(thigh * u, axis=-1, keepdims=True) * u
@@ -169,14 +126,6 @@ def _swing_height(swinging: NDArray[np.bool_], rate: float) -> FloatArray:
             # rises early, before the foot is fast
             out[first:last] = _CLEAR * (1.0 - (2.0 * s - 1.0) ** 6)
     return out
-
-
-def _away_from(fixed_legs: NDArray[np.bool_], ease: float) -> FloatArray:
-    """(frame,) 0 in `fixed_legs`, rising smoothly to 1 over `ease` frames."""
-    if not fixed_legs.any():
-        return np.ones(len(fixed_legs))
-    s = np.minimum(distance_transform_edt(~fixed_legs) / max(ease, 1.0), 1.0)
-    return np.asarray(s * s * (3.0 - 2.0 * s), np.float64)
 
 
 def _hold(
