@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 
 from rfgen_sionna.generative.prompts import vocabulary
 from rfgen_sionna.generative.prompts.body_prompt import SIMPLE_NOUNS, BodyWords
-from rfgen_sionna.generative.prompts.clauses import plain
 from rfgen_sionna.generative.prompts.environment_prompt import read_scenes, refuse_unknown_place, split_keyword
 from rfgen_sionna.generative.prompts.human_nouns import PERSON, PLURAL, is_human
 from rfgen_sionna.generative.prompts.manner_prompt import PATHS, read_manner
@@ -26,7 +25,7 @@ from rfgen_sionna.generative.prompts.quantities import (
     read_lengths,
     refuse_misreadable,
 )
-from rfgen_sionna.generative.prompts.text_reader import Reader, compile_pattern, number
+from rfgen_sionna.generative.prompts.text_reader import Reader, compile_pattern, number, without_request
 
 _BREATHS: tuple[tuple[float, str], ...] = (
     (0.0, r"(?:and |while |with )?(?:<hold|held|holding> <a>breath|<a>breath held)"),
@@ -178,7 +177,7 @@ def read_wanted(text: str) -> PersonWords:
         PromptError: several persons, a number out of range, a place behind the radar, an unknown place, or a subject
             that is neither a person nor known.
     """
-    text, scenes = split_keyword(_without_request(text))
+    text, scenes = split_keyword(without_request(text))
     said = PersonWords(Reader(text), scenes)
     reader = said.reader
     reader.understood += [(words, f"surroundings {scene}") for words, scene in scenes]
@@ -198,17 +197,6 @@ def read_wanted(text: str) -> PersonWords:
     refuse_unknown_place(reader)
     said.lost += [match.group() for match in reader.take(_COUNTED)]
     return said
-
-
-def _without_request(text: str) -> str:
-    """A prompt without "simulate", "radar data of" and the like."""
-    rest = plain(text)
-    if not rest:
-        return text
-    request = " ".join(text.lower().split()).partition(rest)[0].split()
-    if set(request) <= {"a", "an", "the", "some"}:
-        return text
-    return rest if rest.split()[0] in ("a", "an", "the") else f"a {rest}"
 
 
 def read_unwanted(text: str) -> PersonWords:

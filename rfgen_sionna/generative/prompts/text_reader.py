@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
+from rfgen_sionna.generative.prompts.clauses import plain
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.vocabulary import ROOM
 
@@ -66,6 +67,7 @@ _NO_NEGATION = (
     r"(?:bus|coach|door|full|pit|rest|school bus|taxi|train|tram|trolley|truck) stops?(?! [a-z]+ing)"
     r"|stop (?:buttons?|lamps?|lights?|lines?|signs?|watch(?:es)?)|non stop"
     r"|no (?:entry|frills|go|man land|parking|smoking|stopping|through|waiting)|never ending|forget me nots?"
+    r"|(?:without|not|no) (?:moving|(?:any )?(?:movement|motion)s?)|(?:does|do) not move"
     r"|(?:without|with no) (?:end|pauses?|a pause|stopping|breaks?|a break)"
     r"|(?:stopping|stops) (?:in between|between|now and|every|from time|occasionally"
     r"|sometimes|repeatedly|several|on the way|at times)"
@@ -143,6 +145,17 @@ def split_negative(text: str) -> tuple[str, str]:
         unwanted.append(text[match.end() : end].strip(" ,.\"'"))
         text = f"{text[: match.start()]} , {text[end:]}"
     return text, ", ".join(words for words in unwanted if words)
+
+
+def without_request(text: str) -> str:
+    """A prompt without "simulate", "radar data of" and the like."""
+    rest = plain(text)
+    if not rest:
+        return text
+    request = " ".join(text.lower().split()).partition(rest)[0].split()
+    if set(request) <= {"a", "an", "the", "some"}:
+        return text
+    return rest if rest.split()[0] in ("a", "an", "the") else f"a {rest}"
 
 
 def normalise(text: str) -> str:

@@ -33,6 +33,7 @@ from rfgen_sionna.generative.prompts.text_reader import (
     negation_in,
     number,
     split_negative,
+    without_request,
 )
 from rfgen_sionna.generative.things.thing_catalogue import THINGS
 from rfgen_sionna.generative.things.thing_kind import ThingKind
@@ -74,7 +75,7 @@ def read_thing(prompt: str, negative: str = "", *, seed: int = 0) -> ThingPrompt
         if not isinstance(given, str):
             raise TypeError(f"{name}: expected a text, got {type(given).__name__}")
     wanted, unwanted = split_negative(prompt)
-    text, scenes = split_keyword(wanted)
+    text, scenes = split_keyword(without_request(wanted))
     reader = Reader(text)
     kind = _take_subject(reader)
     if kind is None:
