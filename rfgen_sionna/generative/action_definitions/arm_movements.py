@@ -179,7 +179,7 @@ def wave(s: MotionSignals) -> Requirements:
                 swings(hand[best, 1], 0.06) if len(hand[best]) else 0,
                 3,
             ),
-            at_least("way from side to side over the way ahead", moved[1] / max(moved[0], 1e-9), 0.9),
+            at_least("way from side to side over the way ahead", moved[1] / max(moved[0], 1e-9), 0.7),
             at_least("share of time on the feet or seated", share(s.inclination < 40.0), 0.9),
             at_most(
                 "median of the other hand over its shoulder [m]", np.median(s.hands_over_shoulders[:, 1 - side]), 0.1
