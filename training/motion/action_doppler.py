@@ -67,9 +67,8 @@ def lively(motion: Motion, seconds: float) -> Motion:
     moved = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(joints, axis=0), axis=-1).sum(axis=1))])
     start = int(np.argmax(moved[size - 1 :] - moved[: len(joints) - size + 1]))
     rows = slice(start, start + size)
-    return placed(
-        replace(motion, rotations=motion.rotations[rows], translation=motion.translation[rows], contacts=None)
-    )
+    cut = replace(motion, rotations=motion.rotations[rows], translation=motion.translation[rows], contacts=None)
+    return placed(cut, way=False)
 
 
 def pair(action: str, seconds: float, seed: int) -> tuple[Motion, Motion, str]:
