@@ -36,8 +36,10 @@ _STOOP = float(np.radians(14.0))
 """Bend of the trunk of who is tired [rad]."""
 _MOVES = 0.5
 """Speed from which a foot is not planted [m/s]."""
-EXACT = frozenset({"t_pose"})
+EXACT = frozenset({"t_pose", "sit_up", "push_up"})
 """Actions whose rules are more exact than their clips."""
+FEW_CLIPS = frozenset({"sit", "sit_down", "stand_up", "sit_and_stand", "lie"})
+"""Actions of a handful of clips: of every other seed or so, rules come first."""
 
 
 @dataclass(frozen=True)
@@ -152,6 +154,8 @@ def trials(
     sources = performable()[action]
     if (manner.amplitude is not None or manner.rate is not None) and action not in WAYS and "rules" in sources:
         sources = ("rules", *(each for each in sources if each != "rules"))  # they keep numbers
+    elif action in FEW_CLIPS and strength > 0.0 and np.random.default_rng([seed, len(sources)]).uniform() < 0.6:
+        sources = sources[::-1]
     for source in sources:
         for attempt in range(ATTEMPTS):
             one = seed if attempt == 0 else int(np.random.SeedSequence([seed, attempt]).generate_state(1)[0])

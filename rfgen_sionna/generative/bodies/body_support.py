@@ -1,4 +1,4 @@
-"""What carries a body on the floor z = 0: heights of its parts, and its height over the floor while it is not in flight."""
+"""What carries a body on the floor z = 0: heights of its parts, and of the body while it is not in flight."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def lowest(heights: dict[str, FloatArray], parts: Iterable[str]) -> FloatArray:
 def carrying_height(rig: Rig, joints: FloatArray, translation: FloatArray, frame_rate: float) -> FloatArray:
     """(frame,) height of the parts that carry the body [m].
 
-    Trunk and thighs carry before feet and head that are a little lower, and where the others are not under the centre of
-    mass; arms carry who is upside down, or has nothing else near them. Other feet, heads and hands give way to the floor.
+    Trunk and thighs carry before feet and head that are a little lower, and where the others are not under the centre
+    of mass; arms carry who is upside down, or has nothing else near them. Other feet, heads and hands give way.
 
     Args:
         rig: the body.
@@ -70,7 +70,9 @@ def carrying_height(rig: Rig, joints: FloatArray, translation: FloatArray, frame
     level = ease((0.77 - trunk) / 0.35)
     core = lowest(heights, ("torso", "thigh"))
     ends = lowest(heights, ("shank", "foot", "head"))
-    low = _give_way(core, ends, size * (0.02 + 0.04 * level), size * 0.05)
+    # toes under an upright foot carry; a foot on its instep gives way
+    instep = ease((-joints[:, [JOINT["left_ankle"], JOINT["right_ankle"]], 2, 2].max(axis=1) - 0.1) / 0.4)
+    low = _give_way(core, ends, size * (0.02 + 0.04 * level * instep), size * (0.03 + 0.02 * level * instep))
     low += _unsupported(rig, joints, translation, low, core, frame_rate) * np.maximum(core - low, 0.0)
     wrists = lowest(heights, ("forearm",)) - PALM * size
     inverted = ease((-0.05 - trunk) / 0.25)
@@ -99,7 +101,7 @@ def _unsupported(
 
 
 def _give_way(carrier: FloatArray, end: FloatArray, play: FloatArray | float, fade: FloatArray | float) -> FloatArray:
-    """(frame,) the lower of two heights; up to `play` under the carrier the end does not count, over it more and more."""
+    """(frame,) the lower of two heights; an end up to `play` under the carrier does not count, a lower one does."""
     under = np.maximum(carrier - end, 0.0)
     return carrier - ease((under - play) / fade) * under
 

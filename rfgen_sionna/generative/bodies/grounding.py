@@ -79,8 +79,8 @@ def rest_on_floor(
 ) -> tuple[FloatArray, FloatArray]:
     """Joint rotations (frame, 52, 3, 3) and root positions (frame, 3) [m] of a body that the floor carries.
 
-    What carries is on the floor: feet, or knees, trunk, hands of who is not on the feet. Planted feet are still. Flights
-    stay flights; who climbs, upright over the floor, stays there.
+    What carries is on the floor: feet, or knees, trunk, hands of who is not on the feet. Planted feet are still.
+    Flights stay flights; who climbs, upright over the floor, stays there.
 
     Args:
         rig: the body.

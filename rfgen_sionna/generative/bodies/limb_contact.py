@@ -102,8 +102,7 @@ def _move_wrist(rig: Rig, joints: FloatArray, places: FloatArray, side: str, shi
 
 
 def _raise_elbow(rig: Rig, joints: FloatArray, places: FloatArray, side: str, lift: FloatArray) -> None:
-    """Turn the arm about the line from shoulder to wrist, outwards, so that the elbow rises by about `lift` (frame,) [m]
-    if it can."""
+    """Turn the arm about the line from shoulder to wrist, outwards, so that the elbow rises by about `lift` [m]."""
     shoulder, elbow, wrist = (JOINT[f"{side}_{j}"] for j in ("shoulder", "elbow", "wrist"))
     axis = normalised(places[:, wrist] - places[:, shoulder])
     arm = places[:, elbow] - places[:, shoulder]
@@ -136,7 +135,7 @@ def _raise_head(rig: Rig, joints: FloatArray, under: FloatArray) -> None:
 
 
 def _raise(joints: FloatArray, moved: list[int], along: FloatArray, towards: FloatArray, lift: FloatArray) -> None:
-    """Turn the joints `moved` together in the upright plane of `towards` (frame, 3): the unit vectors `along` (frame, 3)
+    """Turn the joints `moved` together in the upright plane of `towards` (frame, 3): unit vectors `along` (frame, 3)
     rise by `lift` (frame,)."""
     ahead = towards[:, :2] / np.maximum(np.linalg.norm(towards[:, :2], axis=1), 1e-6)[:, None]
     level = np.sum(along[:, :2] * ahead, axis=1)

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rfgen_sionna.generative.manner import Manner
-from rfgen_sionna.generative.motion import gaits, gestures, jumps, postures, seats
+from rfgen_sionna.generative.motion import floor_actions, gaits, gestures, jumps, postures, seats
 from rfgen_sionna.generative.motion.arm_actions import GESTURES
 from rfgen_sionna.generative.motion.keyed_gesture import perform
 from rfgen_sionna.generative.motion.pick_up import pick_up
@@ -134,6 +134,9 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             _posture("sit_down", "sits down on a chair", seats.sit_down),
             _posture("stand_up", "stands up from a chair", seats.stand_up),
             Action("sit_and_stand", "sits down and stands up", seats.sit_and_stand),
+            _posture("lie", "lies on the floor", floor_actions.lie),
+            Action("sit_up", "does sit-ups", floor_actions.sit_up),
+            Action("push_up", "does push-ups", floor_actions.push_up),
         )
     }
 )

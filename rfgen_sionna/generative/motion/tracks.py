@@ -30,6 +30,8 @@ GESTURE_POLE = np.array([-0.35, 0.6, -1.0])
 """Direction of the left elbow while the hand works in front of the chest."""
 ANCHORS = ("floor", "pelvis", "chest", "head", "shoulder")
 """Frames for the place of a hand; those of chest and shoulder have the axes of the chest."""
+_MOST_BENT = np.radians(147.0)
+"""Largest flexion of an elbow [rad]."""
 _WRIST_REACH = np.radians([78.0, 68.0, 19.0])
 """Pronation, flexion and deviation beyond which a hand that is aimed somewhere does not turn [rad]."""
 
@@ -50,6 +52,8 @@ class Foot:
     """(n,) pivot of the roll: 0 the toe joint, 1 the heel."""
     loose: FloatArray
     """(n,) 0 for level toes, 1 for toes that turn with the foot."""
+    posed: tuple[FloatArray, FloatArray] | None = None
+    """(n, 3) ankle [m] and (n, 3, 3) rotation of a foot that is not on its sole; replaces all others."""
 
 
 @dataclass
@@ -143,6 +147,8 @@ class MotionTracks:
     def foot_frames(self, side: str) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(n, 3) ankle positions [m], (n, 3, 3) rotations of the foot and of the toes."""
         foot, pivots = self.feet[side], self.pivot(side)
+        if foot.posed is not None:
+            return foot.posed[0], foot.posed[1], foot.posed[1]
         w = foot.heel[:, None]
         offset = (1.0 - w) * pivots[0] + w * pivots[1]
         height = (1.0 - foot.heel) * self.skeleton.toe_height
@@ -236,6 +242,11 @@ class MotionTracks:
         way = np.einsum("nij,nj->ni", chest, direction * reach[:, None])
         if goal is not None:
             way = slerp(way, goal - (still if arm.anchor == "shoulder" else p[:, shoulder]), weight)
+            # no nearer than the most bent elbow allows
+            distance = np.linalg.norm(way, axis=-1, keepdims=True)
+            nearest = np.sqrt(a * a + b * b + 2.0 * a * b * np.cos(_MOST_BENT))
+            soft = 0.03 * nearest
+            way *= (nearest + soft * np.logaddexp(0.0, (distance - nearest) / soft)) / np.maximum(distance, 1e-6)
         target, pole = p[:, shoulder] + way, arm.pole * mirror
         middle, upper, fore = two_bone(p[:, shoulder], target, np.einsum("nij,nj->ni", chest, pole), a, b)
         u0 = normalised(sk.offsets[elbow])
