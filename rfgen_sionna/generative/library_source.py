@@ -125,7 +125,7 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
     if manner.rate is not None and (action in ONCE or action in HELD):
         raise PromptError(f"rate: {action!r} is not repeated; leave it out")
     if action in ONCE:
-        motion = _once(_edited(window, mirror, pace), _span(window, pace), window.whole, count, rng)
+        motion = _once(_edited(window, mirror, pace), _span(window, pace), count, rng)
         return Draft(_resized(motion, action, size, uneven), tuple(names))
     path = way_of(action, manner, window.speed * pace * duration) if strength > 0.0 else None
     if path is None:
@@ -246,21 +246,24 @@ def _plain(name: str) -> Motion:
 
 
 def _edited(window: Window, mirror: bool, pace: float) -> Motion:
-    motion = mirrored(_plain(window.clip)) if mirror else _plain(window.clip)
+    """The longest part of the clip that shows the action."""
+    motion = cut(_plain(window.clip), window.first, window.last)
+    motion = mirrored(motion) if mirror else motion
     return motion if pace == 1.0 else at_pace(motion, pace)
 
 
 def _span(window: Window, pace: float) -> tuple[int, int]:
-    return int(window.start / pace), int(np.ceil((window.stop - 1) / pace)) + 1
+    """First frame and end of the shortest part within the longest one."""
+    start, stop = window.start - window.first, window.stop - window.first
+    return int(start / pace), int(np.ceil((stop - 1) / pace)) + 1
 
 
-def _once(clip: Motion, span: tuple[int, int], whole: bool, count: int, rng: np.random.Generator) -> Motion:
+def _once(clip: Motion, span: tuple[int, int], count: int, rng: np.random.Generator) -> Motion:
     """The action once, the person keeping still before and after it."""
     start, stop = span
-    if whole:
-        spare = max(count - (stop - start), 0)
-        start = max(0, start - int(spare * rng.uniform(0.2, 0.6)))
-        stop = min(len(clip.translation), start + max(count, stop - start))
+    spare = max(count - (stop - start), 0)
+    start = max(0, start - int(spare * rng.uniform(0.2, 0.6)))
+    stop = min(len(clip.translation), start + max(count, stop - start))
     motion = cut(clip, start, min(stop, len(clip.translation)))
     missing = count - len(motion.translation)
     if missing <= 0:
@@ -300,18 +303,15 @@ def _repeated(
     stop = min(stop, len(clip.translation))
     if steady:
         clip = motion = cut(clip, *steady_part(clip, start, stop))
-    elif window.whole:
+    else:
         spare = max(count - (stop - start), 0)
         first = max(0, start - int(rng.uniform(0.0, 1.0) * spare), min(stop - count, start))
         motion = cut(clip, first, min(len(clip.translation), max(stop, first + count)))
-    else:
-        clip = motion = cut(clip, start, stop)
     others = [each for each in windows()[action] if each.clip != window.clip]
     kin = [each for each in others if _clip(each.clip).subject == _clip(window.clip).subject]
-    whole = clip if window.whole or steady else motion
     while len(motion.translation) < count:
-        tried = [(whole, "")]
-        _, distance = _join(motion, whole)
+        tried = [(clip, "")]
+        _, distance = _join(motion, clip)
         if distance > _ALIKE and (kin or others):
             pool = kin or others
             for k in rng.permutation(len(pool))[:3]:
@@ -319,9 +319,8 @@ def _repeated(
                 if pool[k].side not in ("both",) and window.side != "both":
                     turned = (pool[k].side != window.side) != mirror
                 other = _edited(pool[k], turned, pace)
-                if steady or not pool[k].whole:
-                    span = _span(pool[k], pace)
-                    other = cut(other, *(steady_part(other, *span) if steady else span))
+                if steady:
+                    other = cut(other, *steady_part(other, *_span(pool[k], pace)))
                 tried.append((other, pool[k].clip))
         best = min(tried, key=lambda each: _join(motion, each[0])[1])
         (here, there), distance = _join(motion, best[0])
@@ -339,7 +338,8 @@ def _at_rate(
 ) -> Motion:
     """The action again and again, `interval` [s] from one time to the next."""
     clip = _edited(window, mirror, 1.0)
-    core = cut(clip, window.start, window.stop)
+    start, stop = _span(window, 1.0)
+    core = cut(clip, start, stop)
     features = pose_features(core)[:, :-2]
     time, match = period(features, longest_one=0.6 * core.duration)
     rate = 60.0 / interval
@@ -349,8 +349,7 @@ def _at_rate(
             _check_pace(pace, rate, action)
             return _repeated(action, window, mirror, pace, count, rng, names)
     spare = min(max(interval - core.duration, 0.0), 1.2)
-    start = max(0, window.start - int(0.4 * spare * RATE))
-    once = cut(clip, start, window.stop + int(0.4 * spare * RATE))
+    once = cut(clip, max(0, start - int(0.4 * spare * RATE)), stop + int(0.4 * spare * RATE))
     pace = max(float(rng.uniform(0.95, 1.05)), 1.02 * once.duration / interval)
     _check_pace(pace, rate, action)
     once = at_pace(once, pace)

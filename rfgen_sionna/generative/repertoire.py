@@ -24,8 +24,10 @@ class Window:
     """Frame after the last one."""
     mirror: bool | None
     """Whether the mirror image shows it (True), the clip itself (False), or both (None)."""
-    whole: bool
-    """Whether the whole clip shows it, too."""
+    first: int
+    """First frame of the longest part about it that shows the action, too."""
+    last: int
+    """Frame after the last one of that part."""
     side: str
     """Side whose hand or foot moves more, or "both"."""
     speed: float
@@ -49,7 +51,8 @@ def windows(folder: Path = FOLDER) -> dict[str, tuple[Window, ...]]:
 ONCE = frozenset(
     {
         "sit_down", "stand_up", "lie_down", "get_up", "fall", "fall_forward", "fall_backward", "fall_sideways",
-        "fall_from_chair", "faint", "slip", "stumble", "turn_around", "climb_stairs", "climb_ladder", "put_down",
+        "fall_from_chair", "faint", "slip", "stumble", "sit_down_heavily", "turn_around", "climb_stairs",
+        "climb_ladder", "put_down",
     }
 )  # fmt: skip
 """Actions that are done once: the person then stays as the action ends."""

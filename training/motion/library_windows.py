@@ -37,6 +37,7 @@ _BORROWED = MappingProxyType(
         "stand_up": ("sit_stand",),
         "sit": ("sit_stand",),
         "get_up": ("getup",),
+        "fall": ("fall_forward", "fall_backward", "fall_sideways"),
         "jump": ("jump_forward",),
         "lie": ("lie_down",),
         "march": (),
@@ -102,16 +103,26 @@ def windows_of(clip: LibraryClip, motion: Motion, action: str, whole: dict[bool,
     evenly = np.unique(np.linspace(0, len(found) - 1, _MANY).round().astype(int))
     out = []
     for start, stop in [found[k] for k in evenly]:
-        part = cut(motion, start, stop)
         sides = [side for side in (False, True) if check(cut(versions[side], start, stop), action).true]
-        if sides:
-            out.append(
-                Window(
-                    clip.name, start, stop, mirror=None if len(sides) == 2 else sides[0], whole=shows[sides[0]],
-                    side=_working_side(part), speed=round(_mean_speed(motion), 3),
-                )
-            )  # fmt: skip
+        if not sides:
+            continue
+        first, last = (0, frames) if shows[sides[0]] else _widened(versions[sides[0]], action, start, stop)
+        part = cut(motion, first, last)
+        if not _jumps(part):
+            mirror = None if len(sides) == 2 else sides[0]
+            side, speed = _working_side(cut(motion, start, stop)), round(_mean_speed(part), 3)
+            out.append(Window(clip.name, start, stop, mirror, first, last, side, speed))
     return out
+
+
+def _widened(motion: Motion, action: str, start: int, stop: int) -> tuple[int, int]:
+    """Longest part of a motion about that from `start` to `stop` that shows the action, step by step at either end."""
+    step = round(2.0 * _STEP * motion.frame_rate)
+    while start > 0 and check(cut(motion, max(start - step, 0), stop), action).true:
+        start = max(start - step, 0)
+    while stop < len(motion.translation) and check(cut(motion, start, stop + step), action).true:
+        stop = min(stop + step, len(motion.translation))
+    return start, stop
 
 
 def _jumps(motion: Motion) -> bool:
@@ -150,8 +161,6 @@ def index(library: MotionLibrary) -> dict[str, list[Window]]:
     for action, clips in sorted(wanted.items()):
         for clip in clips:
             motion = library.motion(clip.name)
-            if _jumps(motion):
-                continue
             if clip.name not in signals:
                 signals[clip.name] = {False: MotionSignals(motion), True: MotionSignals(mirrored(motion))}
             found.setdefault(action, []).extend(windows_of(clip, motion, action, signals[clip.name]))
