@@ -117,14 +117,12 @@ def main(
 ) -> None:
     """Draw the micro-Doppler of actions, made and captured."""
     radar = doppler_radar()
+    pairs = {name: pair(name, seconds, seed) for name in action or SHOWN}
+    body = Actor.from_motion(next(iter(pairs.values()))[0], seed=seed).body
     rows: dict[str, list[tuple[str, DopplerTime]]] = {}
-    body: Rig | None = None
     with progress_bar() as bar:
-        task = bar.add_task("actions", total=len(action or SHOWN), note="")
-        for name in action or SHOWN:
-            made, clip, label = pair(name, seconds, seed)
-            if body is None:
-                body = Actor.from_motion(made, seed=seed).body
+        task = bar.add_task("actions", total=len(pairs), note="")
+        for name, (made, clip, label) in pairs.items():
             rows[name] = [
                 (f"seed {seed}", seen(made, body, radar, seconds, rtol)),
                 (label, seen(clip, body, radar, seconds, rtol)),

@@ -18,7 +18,7 @@ WINDOW = 2.0
 """Length of what is looked at at once [s]."""
 _FEWEST = 3
 """Clips from which an action of the library is learned."""
-_MOST = 60
+_MOST = 40
 """Windows of an action that are learned from."""
 
 
@@ -86,7 +86,7 @@ class ActionRecogniser:
             rows += [own[k] for k in chosen]
             labels += [action] * 2 * len(chosen)
         self._trees = ExtraTreesClassifier(
-            200, min_samples_leaf=2, max_features=0.1, class_weight="balanced", random_state=seed
+            100, min_samples_leaf=2, max_features=0.1, class_weight="balanced", random_state=seed
         )
         self._trees.fit(np.concatenate(rows), labels)
 
