@@ -43,6 +43,7 @@ POSTURE_ACTIONS = {
     "in_pockets": "hands_in_pockets",
 }  # fmt: skip
 """Posture of the arms -> action of somebody who stands so."""
+_TWO_HANDED = frozenset({"carry", "climb_ladder", "lift", "push_up", "sweep"})
 _HELD = HELD | {name for name, each in ACTIONS.items() if not each.periodic}
 """Actions without repetition."""
 _BACKWARDS = frozenset({"walk_backwards", "run_backwards", "fall_backward"})
@@ -228,8 +229,8 @@ def _hand(
     known = ACTIONS.get(action)
     by_rules = known is not None and known.one_handed
     if not by_rules and action not in _ONE_HANDED:
-        about_arms = action in ARMS or action.startswith(CLIP) or {"left", "right"} & set(action.split("_"))
-        return None, () if about_arms else tuple(words)
+        arms = action in ARMS | _TWO_HANDED or action.startswith(CLIP) or {"left", "right"} & set(action.split("_"))
+        return None, () if arms else tuple(words)
     allowed = known.hands if known is not None and by_rules else ("left", "right")
     hands = set(words.values())
     if len(hands) > 1:

@@ -38,6 +38,8 @@ _HANDS: tuple[tuple[str, str], ...] = (
     ("right", r"(?:(?:with|using|by) )?<a>right (?:open )?(?:hand|arm|index finger|finger|forefinger|fist|palm)"),
 )  # fmt: skip
 """(hand, pattern); the words stay in the phrase of the action."""
+_WITH_HAND = r"(?:with|using|by) (?:only )?<a>{hand} (?:open |flat )?(?:hands?|arms?|fists?|palms?)(?: only)?(?= ,| ~|$| (?:and|while|to|towards?|forwards?|in (?:a|the air))\b)"
+"""Pattern of the hand that does it, which the action can do without."""
 _SUBJECT = re.compile(
     r"^(?:[~, ]*)(?:there is )?(?:an?|the|this|that|another|my|his|her|our|your|some) (?P<how>(?:[a-z]+ ){0,3}?)"
     r"(?P<noun>[a-z]+)(?= (?:is|was|who|that|which|can|[a-z]+(?:s|ing|ed))\b)"
@@ -91,6 +93,8 @@ _LINKS = frozenset(("and", "or", "is", "are", "who", "that", "which", "while"))
 _ONE = re.compile(r"\b(?:the )?either (?=arm|hand|leg|foot|knee)")
 _ANY = re.compile(r" ?\b(?:(?:to|from) )?(?:the )?either\b")
 """Sides and turns that the words leave open."""
+_ARMS = re.compile(r"(?<=\w) with (?=(?:[a-z]+ ){0,3}?(?:arms?|hands?) (?!and\b)[a-z])")
+"""Before what the arms do meanwhile: a clause of its own."""
 _DECADES = ("twenties", "thirties", "forties", "fifties", "sixties", "seventies", "eighties")
 _AGE = rf"in <a>(?:(?P<part>early|mid|late) )?(?:(?P<tens>[2-8])0 ?s|(?P<decade>{'|'.join(_DECADES)}))"
 _TURN = (
@@ -153,7 +157,7 @@ class PersonWords:
             while kept and kept[-1] in _LINKS:
                 del kept[-1]
             if not set(kept) <= vocabulary.FILLERS:
-                found.append(_ANY.sub("", _ONE.sub("one ", " ".join(kept))))
+                found.append(_ARMS.sub(" , ", _ANY.sub("", _ONE.sub("one ", " ".join(kept)))))
         return [*self.verbs, *found]
 
     def read_hands(self) -> list[tuple[str, str]]:
@@ -224,6 +228,7 @@ def _read_common(said: PersonWords) -> None:
         said.verbs.append("walks back and forth")
     for hand in ("left", "right", "both"):
         reader.find("hand", rf"(?:(?<=, )|^)hand {hand}(?= ,|$)", hand, f"hand {hand}")
+        reader.find("hand", _WITH_HAND.format(hand=hand), hand, f"{hand} hand{'s' if hand == 'both' else ''}")
     approach = reader.find("way", rf"<approach> {vocabulary.RADAR}", "to", "walks towards the radar")
     if approach or reader.take(rf"{vocabulary.GOES}(?= (?:{vocabulary.TO_RADAR}|{vocabulary.FROM_RADAR}))", "walks"):
         said.verbs.append("walks")
