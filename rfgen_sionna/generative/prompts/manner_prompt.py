@@ -13,6 +13,8 @@ from rfgen_sionna.generative.prompts.text_reader import Reader, limits
 from rfgen_sionna.generative.prompts.vocabulary import RADAR
 
 PACES: tuple[tuple[float, str], ...] = (
+    (0.5, r"at half (?:the )?(?:normal |usual )?speed|half as fast"),
+    (2.0, r"at (?:double|twice) (?:the )?(?:normal |usual )?speed|twice as fast"),
     (
         0.7,
         r"(?:at|with|in) <a>(?:slow|leisurely|gentle|unhurried|low|calm|relaxed) (?:speed|pace|tempo|rhythm|manner|way|motion)",

@@ -95,6 +95,8 @@ _ANY = re.compile(r" ?\b(?:(?:to|from) )?(?:the )?either\b")
 """Sides and turns that the words leave open."""
 _ARMS = re.compile(r"(?<=\w) with (?=(?:[a-z]+ ){0,3}?(?:arms?|hands?) (?!and\b)[a-z])")
 """Before what the arms do meanwhile: a clause of its own."""
+_MEANWHILE = re.compile(r"\b(?:while|whilst|with|and)\b|,")
+_OF_AN_ARM = re.compile(r"\b(?:arms?|hands?|fingers?|head|wav\w+|swing\w*|draw\w*|rotat\w+|nod\w*|shak\w+)\b")
 _DECADES = ("twenties", "thirties", "forties", "fifties", "sixties", "seventies", "eighties")
 _AGE = rf"in <a>(?:(?P<part>early|mid|late) )?(?:(?P<tens>[2-8])0 ?s|(?P<decade>{'|'.join(_DECADES)}))"
 _TURN = (
@@ -170,8 +172,13 @@ class PersonWords:
         return found
 
     def way(self) -> str | None:
-        """Way over the floor in the words, one of :data:`~rfgen_sionna.generative.manner.PATHS`."""
-        return next((way for way, pattern in PATHS if compile_pattern(pattern).search(self.reader.said)), None)
+        """Way over the floor in the words, one of :data:`~rfgen_sionna.generative.manner.PATHS`, and not of an arm."""
+        said = self.reader.said
+        for way, pattern in PATHS:
+            for match in compile_pattern(pattern).finditer(said):
+                if not _OF_AN_ARM.search(_MEANWHILE.split(said[: match.start()])[-1]):
+                    return way
+        return None
 
 
 def read_wanted(text: str) -> PersonWords:

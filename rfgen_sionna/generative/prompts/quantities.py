@@ -19,7 +19,7 @@ from rfgen_sionna.generative.prompts.text_reader import Reader, compile_pattern,
 from rfgen_sionna.generative.prompts.vocabulary import RADAR
 
 _ABOUT = r"(?:(?:about|around|roughly|approximately|some|ca|nearly|almost) )?"
-_METRES = r"(?:m|met(?:re|er)s?|cm|centimet(?:re|er)s?|feet|foot|ft)"
+_METRES = r"(?:m|met(?:re|er)s?|cm|centimet(?:re|er)s?|mm|millimet(?:re|er)s?|feet|foot|ft|inch(?:es)?|yards?)"
 _LENGTH = rf"{_ABOUT}(?P<value><r>) (?P<unit>{_METRES})"
 _BORESIGHT = r"(?:<a>(?:radar )?(?:boresight|cent(?:re|er) ?line|(?:optical )?axis)|straight ahead)"
 _SIDE_OF = rf"(?: (?:(?:to|on|towards) (?:the |its )?)?(?P<side>left|right)(?: of (?:{_BORESIGHT}|{RADAR}))?)"
@@ -28,7 +28,8 @@ _SPEED_UNIT = (
     r"(?:mps|m s|m per s(?:ec(?:ond)?)?|met(?:re|er)s? (?:per|a|each) sec(?:ond)?|kmh|kph|km (?:per|an) h(?:our)?|kilomet(?:re|er)s? (?:per|an) hour"
     r"|mph|miles (?:per|an) hour|cm per s(?:econd)?|centimet(?:re|er)s? (?:per|a) second|(?:ft|feet) per s(?:econd)?)"
 )
-_SIZE = MappingProxyType({"m": 1.0, "c": 0.01, "f": 0.3048})
+_SIZE = MappingProxyType({"mm": 0.001, "mi": 0.001, "m": 1.0, "c": 0.01, "f": 0.3048, "i": 0.0254, "y": 0.9144})
+"""Beginning of a unit of length -> metres; the first that fits."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ DISTANCE = Quantity(
     "distance", " m", (0.05, 1000.0),
     (
         rf"(?:at |from |in )?<a>(?:{_RANDOM} )?(?:distance|range)s? (?:of |(?:that )?(?:varies|varying|drawn|chosen) |is )?{_LENGTH}(?: (?:away )?(?:from|to|of) {RADAR})?",
-        rf"(?:at )?{_LENGTH} (?:away(?: from {RADAR})?|from {RADAR}|in front of {RADAR}|distant|distance|off)",
+        rf"(?:at )?{_LENGTH} (?:away(?: from {RADAR})?|from {RADAR}|in front of {RADAR}|distant|distance|range|off)",
         rf"at {_LENGTH}(?! (?:tall|high|per|a second|above|over|off the))",
         r"distance (?P<value><r>)(?= ,|$)",
     ),
@@ -257,7 +258,8 @@ def read_lengths(reader: Reader, height: bool) -> None:
     for match in reader.take(_BARE_LENGTH):
         groups = match.groupdict()
         value, unit = (match["value"], match["unit"]) if groups["value"] else (match["value2"], match["unit2"])
-        low, high = (bound * _SIZE[unit[0]] for bound in limits(value))
+        scale = next(factor for start, factor in _SIZE.items() if unit.startswith(start))
+        low, high = (scale * bound for bound in limits(value))
         if height and 1.3 <= low <= high <= 2.3:
             if unit[0] == "c" or (unit[0] == "f" and "." in value):  # centimetres, feet and inches
                 HEIGHT.note(reader, match, low, high)

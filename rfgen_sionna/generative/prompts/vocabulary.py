@@ -12,6 +12,8 @@ RADAR = r"<a>(?:radar|sensor|camera|device|antenna)"
 ORIENTATION_PATTERNS: tuple[tuple[float, str], ...] = (
     (180.0, rf"(?:<face>|<look>|turned|oriented|orientation)(?: directly)? (?:away(?: from {RADAR})?|backwards?)"),
     (180.0, rf"(?:with )?<a>back (?:is )?(?:turned )?(?:to|towards?|facing) {RADAR}"),
+    (270.0, rf"(?:with )?<a>left side (?:is )?(?:turned )?(?:to|towards?|facing) {RADAR}"),
+    (90.0, rf"(?:with )?<a>(?:right )?side (?:is )?(?:turned )?(?:to|towards?|facing) {RADAR}"),
     (180.0, r"(?:(?:seen|viewed) )?from behind|rear view|back view"),
     (0.0, rf"(?:<face>|<look>|turned|oriented|orientation)(?: directly| straight)? (?:(?:at|to|towards?) )?(?:{RADAR}|forwards?|<a>front|ahead)"),
     (0.0, rf"(?:directly |straight )?at {RADAR}|(?:(?:seen|viewed) )?from the front|front view|frontal|(?:face|head) on"),
