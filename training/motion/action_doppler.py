@@ -17,6 +17,7 @@ from rich.console import Console
 
 from rfgen_sionna import Radar, Simulator
 from rfgen_sionna.generative import Actor, MotionLibrary
+from rfgen_sionna.generative.bodies.phenotype import person
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.clip_editing import placed
 from rfgen_sionna.generative.performing import perform
@@ -72,10 +73,17 @@ def lively(motion: Motion, seconds: float) -> Motion:
 
 
 def pair(action: str, seconds: float, seed: int) -> tuple[Motion, Motion, str]:
-    """What `perform` makes of an action, the clip that it begins with, and its name."""
-    made = perform(action, _MADE, seed)
-    clip = made.clips[0]
-    return lively(made, seconds), lively(MotionLibrary().motion(clip), seconds), clip
+    """What `perform` makes of an action from clips, the clip that it begins with, and its name.
+
+    Raises:
+        ValueError: none of twenty seeds is made of clips.
+    """
+    for one in range(seed, seed + 20):
+        made = perform(action, _MADE, one)
+        if made.clips:
+            clip = made.clips[0]
+            return lively(made, seconds), lively(MotionLibrary().motion(clip), seconds), clip
+    raise ValueError(f"action: {action!r} is made by rules in seeds {seed} to {seed + 19}; there is no clip beside it")
 
 
 def draw(rows: dict[str, list[tuple[str, DopplerTime]]], path: Path, seconds: float) -> None:
@@ -118,13 +126,13 @@ def main(
     """Draw the micro-Doppler of actions, made and captured."""
     radar = doppler_radar()
     pairs = {name: pair(name, seconds, seed) for name in action or SHOWN}
-    body = Actor.from_motion(next(iter(pairs.values()))[0], seed=seed).body
+    body = person(None, seed=seed)
     rows: dict[str, list[tuple[str, DopplerTime]]] = {}
     with progress_bar() as bar:
         task = bar.add_task("actions", total=len(pairs), note="")
         for name, (made, clip, label) in pairs.items():
             rows[name] = [
-                (f"seed {seed}", seen(made, body, radar, seconds, rtol)),
+                (f"seed {made.seed}", seen(made, body, radar, seconds, rtol)),
                 (label, seen(clip, body, radar, seconds, rtol)),
             ]
             draw(rows, out, seconds)

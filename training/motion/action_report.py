@@ -118,14 +118,20 @@ class ClipReference:
         unseen = {half: [c for c in self._clips if (c.subject in self._half) != half] for half in (True, False)}
         return {half: ActionRecogniser(own, self.signals) for half, own in unseen.items() if learnable(own)}
 
-    def named(self, signals: MotionSignals, names: Sequence[str], accepted: frozenset[str]) -> str | None:
-        """What a recogniser calls a motion of the clips called `names` that has seen none of their subjects; None where
-        it has seen some, or has not learned what is `accepted`."""
-        halves = {self._subjects[name] in self._half for name in names}
-        for half in halves if len(halves) == 1 else () if halves else (True, False):
-            if half in self.recognisers and accepted & self.recognisers[half].actions:
-                return self.recognisers[half].name(signals)
-        return None
+    def names(
+        self, motions: Sequence[MotionSignals], made_of: Sequence[Sequence[str]], accepted: frozenset[str]
+    ) -> list[str]:
+        """What recognisers call motions that have seen none of the people of their clips; left out are motions of whose
+        people both have seen some, or where what is `accepted` was not learned."""
+        found = []
+        for signals, clips in zip(motions, made_of, strict=True):
+            halves = {self._subjects[name] in self._half for name in clips} or {True, False}
+            able = [
+                h for h in self.recognisers if accepted & self.recognisers[h].actions and (halves == {h} or not clips)
+            ]
+            if able:
+                found.append(self.recognisers[able[0]].name(signals))
+        return found
 
 
 def extremity_speed(signals: MotionSignals, seconds: float) -> float:
@@ -220,10 +226,8 @@ def measure_action(action: str, seeds: int, duration: float, reference: ClipRefe
         for a, same in enumerate(_same_person(clips))
     ]
     accepted = frozenset(clip.action for clip in clips)
-    names = [reference.named(s, getattr(m, "clips", ()) or (), accepted) for s, m in zip(signals, motions, strict=True)]
-    names = [name for name in names if name is not None]
-    real_names = [reference.named(s, (clip.name,), accepted) for s, clip in zip(real[:40], clips[:40], strict=True)]
-    real_names = [name for name in real_names if name is not None]
+    names = reference.names(signals, [motion.clips for motion in motions], accepted)
+    real_names = reference.names(real[:40], [(clip.name,) for clip in clips[:40]], accepted)
     speed, slide = _median([extremity_speed(s, part) for s in signals]), _median([standing_slide(s) for s in signals])
     last = slice(-round(0.3 * RATE), None)
     ends = [max(s.pelvis_height[last].mean(), s.head_height[last].mean()) for s in signals]

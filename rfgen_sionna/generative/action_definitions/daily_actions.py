@@ -36,7 +36,7 @@ def _low(s: MotionSignals, side: int) -> Flags:
 
 
 def _held(posture: Flags, least: float = 0.7) -> Requirements:
-    return [at_least("share of time with both hands there", share(posture.all(axis=1)), least)]
+    return [at_least("share of time with both hands there", share(np.all(posture, axis=1)), least)]
 
 
 @defines("arms_on_hips", "Both hands at the hips, elbows bent and out.")
@@ -68,7 +68,7 @@ def hands_in_pockets(s: MotionSignals) -> Requirements:
 
 @defines("both_arms_forward", "Both arms level and ahead for 0.8 s or more.")
 def both_arms_forward(s: MotionSignals) -> Requirements:
-    level = (horizontal(s) & (s.wrists[..., 0] > 0.35)).all(axis=1)
+    level = np.all(horizontal(s) & (s.wrists[..., 0] > 0.35), axis=1)
     return [at_least("longest time with both arms level and ahead [s]", longest(level), 0.8)]
 
 
