@@ -37,7 +37,7 @@ from rfgen_sionna.generative.motion.floor_ways import (
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
 from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.repertoire import HELD, JUMPS, ONCE, SIDED, WAYS, Window, windows
+from rfgen_sionna.generative.repertoire import HELD, JUMPS, ONCE, OWN_PATHS, SIDED, WAYS, Window, windows
 from rfgen_sionna.records import Motion
 
 RATE = 20.0
@@ -91,6 +91,8 @@ class Draft:
 
     motion: Motion
     clips: tuple[str, ...]
+    on_its_way: bool = False
+    """Whether it has its place already: on a way about the origin."""
 
 
 @cache
@@ -122,8 +124,6 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
         pace /= np.sqrt(size)  # a flight of half the height takes 0.7 of the time
     count = int(np.ceil(duration * RATE - 1e-9)) + 1
     names = [window.clip]
-    if manner.rate is not None and (action in ONCE or action in HELD):
-        raise PromptError(f"rate: {action!r} is not repeated; leave it out")
     if action in ONCE:
         motion = _once(_edited(window, mirror, pace), _span(window, pace), count, rng)
         return Draft(_resized(motion, action, size, uneven), tuple(names))
@@ -137,7 +137,7 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
     if manner.rate is not None:  # steps
         pace = manner.rate / 120.0 * gait_period(_plain(window.clip))
         _check_pace(pace, manner.rate, action)
-    own = [each.speed for each in windows().get(action, ()) if action in _GAITS]
+    own = [each.speed for each in windows().get(action, ()) if action in OWN_PATHS and action in _GAITS]
     asked = manner.speed_mps
     if asked is None and own:
         asked = float(own[int(rng.integers(len(own)))] * rng.uniform(*PACES)) * manner.pace * manner.size
@@ -167,7 +167,8 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
         wanted *= faster
         way = replace(way, x=faster * way.x, y=faster * way.y, speed=faster * way.speed)
     gait = _resized(gait, action, 1.0, uneven)
-    return Draft(along(gait, way, wanted, wanted / max(speed, 1e-9), stops), tuple(dict.fromkeys(names)))
+    gone = along(gait, way, wanted, wanted / max(speed, 1e-9), stops)
+    return Draft(gone, tuple(dict.fromkeys(names)), on_its_way=True)
 
 
 def way_of(action: str, manner: Manner, length: float) -> str | None:
@@ -179,20 +180,10 @@ def way_of(action: str, manner: Manner, length: float) -> str | None:
         action: the action.
         manner: its manner.
         length: of the clip's way in the time [m]; a longer one than a room allows goes round.
-
-    Raises:
-        PromptError: the action leads nowhere, or its name contradicts the way.
     """
-    own = {"walk_straight": "straight", "walk_to_and_fro": "to_and_fro", "walk_in_a_circle": "circle"}.get(action)
     if action not in WAYS:
-        given = "way" if manner.path else "speed" if manner.speed_mps is not None else "pauses" if manner.pauses else ""
-        if given:
-            raise PromptError(
-                f"{given}: {action!r} does not lead over the floor; leave it out, or ask for a walk or a run"
-            )
         return "circle" if action in JUMPS and length > _ROOM else None
-    if own is not None and manner.path not in (None, own):
-        raise PromptError(f"path: {manner.path!r} with {action!r}; ask for a walk")
+    own = OWN_PATHS.get(action)
     if action == "walk_turn":
         return manner.path
     if manner.path is not None or own is not None:

@@ -21,7 +21,7 @@ from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.motion.resampling import resample_motion
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, SIDES
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.repertoire import ARMS_FREE, OFF_THE_FLOOR, POSTURES, WAYS, windows
+from rfgen_sionna.generative.repertoire import ARMS_FREE, HELD, OFF_THE_FLOOR, ONCE, OWN_PATHS, POSTURES, WAYS, windows
 from rfgen_sionna.records import Motion
 
 ATTEMPTS = 7
@@ -115,6 +115,7 @@ def perform(
         raise ValueError(f"strength: {strength!r}; allowed are 0, a clip as it is, to 1, the usual variation")
     reasons: tuple[str, ...] = ()
     manner, body = manner or Manner(), skeleton or MEAN_ADULT
+    _check_manner(action, manner)
     posture = "" if manner.arm_posture is None else POSTURES[manner.arm_posture]
     arms = _checked_arms(action, arms, posture)
     if arms and action == "standing":
@@ -125,6 +126,22 @@ def perform(
         reasons = reasons or verdict.reasons
     done = f"{action!r} with the arms of {arms or posture!r}" if arms or posture else repr(action)
     raise PromptError(f"action: no motion of {ATTEMPTS} shows {done} for {duration:g} s: {'; '.join(reasons)}")
+
+
+def _check_manner(action: str, manner: Manner) -> None:
+    """Check that an action can have a way over the floor, a speed and a rate.
+
+    Raises:
+        PromptError: it cannot, or its name contradicts the way.
+    """
+    given = "path" if manner.path else "speed" if manner.speed_mps is not None else "pauses" if manner.pauses else ""
+    if given and action not in WAYS:
+        raise PromptError(f"{given}: {action!r} does not lead over the floor; leave it out, or ask for a walk or a run")
+    own = OWN_PATHS.get(action)
+    if own is not None and manner.path not in (None, own):
+        raise PromptError(f"path: {manner.path!r} with {action!r}; ask for a walk")
+    if manner.rate is not None and (action in ONCE or action in HELD):
+        raise PromptError(f"rate: {action!r} is not repeated; leave it out")
 
 
 def _checked_arms(action: str, arms: str, posture: str) -> str:
@@ -198,7 +215,8 @@ def _arms_of(action: str, duration: float, seed: int, skeleton: Skeleton, manner
 def _from_clips(action: str, duration: float, seed: int, body: Skeleton, manner: Manner, strength: float) -> Motion:
     rng = np.random.default_rng([seed, *action.encode()])
     made = draft(action, duration, rng, manner, strength)
-    motion = replace(placed(made.motion, way=action in WAYS), action=action, seed=seed, clips=made.clips)
+    motion = made.motion if made.on_its_way else placed(made.motion, way=action in WAYS)
+    motion = replace(motion, action=action, seed=seed, clips=made.clips)
     motion = on_skeleton(motion, body)
     if strength == 0.0:
         return motion

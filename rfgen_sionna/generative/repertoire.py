@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 from rfgen_sionna.generative.motion_library import FOLDER
 
@@ -63,6 +65,10 @@ WAYS = frozenset(
     }
 )  # fmt: skip
 """Actions that lead over the floor."""
+OWN_PATHS: Mapping[str, str] = MappingProxyType(
+    {"walk_straight": "straight", "walk_to_and_fro": "to_and_fro", "walk_in_a_circle": "circle"}
+)
+"""Action -> kind of way that its name gives."""
 HELD = frozenset({"standing", "sit", "lie", "t_pose", "phone", "type", "drink"})
 """Actions that are held."""
 OFF_THE_FLOOR = frozenset({"climb_stairs", "climb_ladder", "handstand", "cartwheel", "flip"})
@@ -84,11 +90,13 @@ ARMS_FREE = WAYS - {"carry", "crawl"} | frozenset(
     }
 )  # fmt: skip
 """Actions whose arms may do something else, or be held."""
-POSTURES = {
-    "hanging": "standing",
-    "on_hips": "arms_on_hips",
-    "folded": "arms_folded",
-    "behind_back": "hands_behind_back",
-    "in_pockets": "hands_in_pockets",
-}
+POSTURES: Mapping[str, str] = MappingProxyType(
+    {
+        "hanging": "standing",
+        "on_hips": "arms_on_hips",
+        "folded": "arms_folded",
+        "behind_back": "hands_behind_back",
+        "in_pockets": "hands_in_pockets",
+    }
+)
 """Posture of the arms -> action by rules whose arms show it."""
