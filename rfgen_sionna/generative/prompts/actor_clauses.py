@@ -48,6 +48,11 @@ _LEADS = re.compile(r"(?P<verb>(?:is )?walk(?:s|ing|ed)?)$")
 _ALIKE = re.compile(r"(?:is |are )?(?:passing|passes|pass|approaching|approaches|approach|meets?|meeting)$")
 _CONJUNCTION = re.compile(r"\s*(?:,\s*)?\b(?:and|while|whilst|as|but|whereas|when)\b\s*$|\s*,\s*$")
 _JOINED = re.compile(r"\s*(?:, ?and|and|,|plus|together with|along with|with|next to|beside)?\s*")
+_FIXTURES = frozenset({"door", "curtain", "fan"})
+"""Things that are often objects of a person's action."""
+_BETWEEN = re.compile(
+    rf"(?:\b(?:and|while|whilst|as|but|whereas|when|{'|'.join(words for _, words in _LINKS if words[0] != 't')})|,)\s*$"
+)
 _OTHER = re.compile(r"^(?:who|that|which)\s+(?:is |are )?|^(?:is|are)\s+")
 
 
@@ -129,6 +134,8 @@ def _actors_of(text: str) -> list[_Noun]:
                 replace(last, end=match.end(), words=f"{last.words} {match.group()}", thing=last.thing or kind)
             )
             continue
+        if kind in _FIXTURES and found and not _BETWEEN.search(text[found[-1].end : match.start()]):
+            continue  # "knocks at the door" is about a person
         if noun in ("he", "she", "individual", "male", "female", "adult", "senior") and found:
             continue
         words, count = match["count"] or "", 1

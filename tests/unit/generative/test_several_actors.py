@@ -44,6 +44,7 @@ def test_one_clause_an_actor(prompt: str, clauses: tuple[str, ...], relation: st
     "prompt",
     ["a person walks", "a cyclist rides past", "a person rides a bike", "a male person of 40 years", "a dog runs",
      "a 70 year old man walks", "a 1.8 m tall woman walks", "an 80 kg man sits", "a nurse with two bags walks",
+     "a person knocks at the door", "a woman opens a curtain",
      "action: push, distance: 1 m", "a man walks while he waves", "a woman picks up a box and a bag"],
 )  # fmt: skip
 def test_one_actor_is_not_split(prompt: str) -> None:
