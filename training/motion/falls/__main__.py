@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -16,17 +17,20 @@ from rich.console import Console
 from rfgen_sionna.generative.motion_library import FOLDER, LibraryClip, MotionLibrary, write_pack
 from rfgen_sionna.records import Motion
 from training.commands import plainly, progress_bar
-from training.motion.falls.believable import doubts
+from training.motion.falls.believable import catches_itself, doubts
 from training.motion.falls.captions import captions
 from training.motion.falls.scenarios import KINDS, draw
 from training.motion.falls.simulation import Fall, FallingBody
 from training.motion.falls.starts import Start, all_starts
+from training.motion.falls.stumbles import Stumble, stumbled
 
 COUNTS = {
     "trip": 24, "forward": 24, "backward": 44, "left": 40, "right": 40, "slip": 42, "faint": 44, "from_chair": 42,
     "sink": 40,
 }  # fmt: skip
-"""Clips of each kind."""
+"""Clips of each kind that is simulated."""
+STUMBLES = 40
+"""Clips of walks with a stumble."""
 _TRIES = 8
 """Most simulations for each clip that is wanted."""
 
@@ -62,21 +66,41 @@ def simulate(
         raise ValueError(f"{kind}: {found} of {_TRIES * count} simulated falls are believable; {count} are wanted")
 
 
+def stumbles(count: int, starts: Sequence[Start], seed: int) -> list[tuple[LibraryClip, Motion]]:
+    """Records and motions of walks with a stumble, in the order of their draws."""
+    random = np.random.default_rng([seed, len(KINDS)])
+    found: list[tuple[LibraryClip, Motion]] = []
+    for _ in range(_TRIES * count):
+        start = starts[int(random.integers(len(starts)))]
+        motion = stumbled(start, Stumble.drawn(random))
+        if motion is None or not catches_itself(motion):
+            continue
+        record = _record(f"sim_stumble_{len(found):03d}", start.clip, "stumble", motion)
+        found.append((replace(record, subject=f"{start.clip.subject}, with a stumble", kind="edited"), motion))
+        if len(found) == count:
+            break
+    return found
+
+
+def _record(name: str, source: LibraryClip, kind: str, motion: Motion) -> LibraryClip:
+    return LibraryClip(
+        name=name,
+        action=motion.action,
+        captions=captions(kind),
+        licence=source.licence,
+        source=f"begins with {source.name}",
+        subject=source.subject,
+        kind="simulated",
+        frames=len(motion.translation),
+        frame_rate=motion.frame_rate,
+    )
+
+
 def entry(fall: Fall, number: int) -> tuple[LibraryClip, Motion]:
     """Record and motion of a fall, the `number`-th of its kind, under the terms of the clip that it begins with."""
-    source = fall.scenario.start.clip
-    record = LibraryClip(
-        name=f"sim_{fall.scenario.kind}_{number:03d}",
-        action=fall.scenario.action,
-        captions=captions(fall),
-        licence=source.licence,
-        source=f"simulated from {source.name}",
-        subject=f"simulated adult {1.70 * fall.scenario.size:.2f} m {fall.scenario.mass:.0f} kg",
-        kind="simulated",
-        frames=len(fall.motion.translation),
-        frame_rate=fall.motion.frame_rate,
-    )
-    return record, fall.motion
+    case = fall.scenario
+    record = _record(f"sim_{case.kind}_{number:03d}", case.start.clip, case.kind, fall.motion)
+    return replace(record, subject=f"simulated adult {1.70 * case.size:.2f} m {case.mass:.0f} kg"), fall.motion
 
 
 @plainly
@@ -85,22 +109,25 @@ def main(
     seed: Annotated[int, typer.Option(help="Seed of all draws.")] = 0,
     share: Annotated[float, typer.Option(help="Share of the clips of each kind to make.", min=0.01, max=1.0)] = 1.0,
 ) -> None:
-    """Write simulated falls, slips, faints and heavy sitting down."""
+    """Write simulated falls, slips, faints and heavy sitting down, and walks with a stumble."""
     starts = all_starts(MotionLibrary())
+    walks = stumbles(max(1, round(share * STUMBLES)), starts["swing"], seed)
     counts = {kind: max(1, round(share * count)) for kind, count in COUNTS.items()}
-    clips, rejected = [], Counter[str]()
+    clips, rejected = list[tuple[LibraryClip, Motion]](), Counter[str]()
     with progress_bar() as progress:
         bar = progress.add_task("falls", total=sum(counts.values()), note="")
         for kind, count in counts.items():
             for number, fall in enumerate(simulate(kind, count, starts, seed, rejected)):
                 clips.append(entry(fall, number))
                 progress.update(bar, advance=1, note=f"{kind}: {rejected[kind]} were not believable")
+    clips += walks
     out.parent.mkdir(parents=True, exist_ok=True)
     write_pack(out, clips)
     seconds = sum(record.duration for record, _ in clips)
     Console().print(f"{out}: {len(clips)} clips, {seconds / 60:.1f} minutes, {out.stat().st_size / 1e6:.2f} MB")
     for kind, count in counts.items():
         Console().print(f"  {kind}: {count} clips of {count + rejected[kind]} simulations")
+    Console().print(f"  stumble: {len(walks)} clips")
 
 
 if __name__ == "__main__":

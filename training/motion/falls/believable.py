@@ -6,7 +6,8 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.action_definitions import MotionSignals, check
-from rfgen_sionna.generative.action_definitions.sampled_series import rate_of
+from rfgen_sionna.generative.action_definitions.sampled_series import RATE, rate_of
+from rfgen_sionna.records import Motion
 from training.motion.falls.simulation import Fall
 
 # Choi, Wakeling, Robinovitch, Journal of Biomechanics 48 (2015) 911: 25 falls of older adults on video. Vertical speed
@@ -72,6 +73,21 @@ def doubts(fall: Fall) -> list[str]:
     if not 3.0 <= fall.motion.duration <= 6.0:
         found.append(f"{fall.motion.duration:.1f} s long")
     return found
+
+
+def catches_itself(motion: Motion) -> bool:
+    """Whether a walk with a stumble is one: feet on the floor, no faster than people, planted ones still."""
+    s = MotionSignals(motion)
+    turns = np.linalg.norm(np.diff(s.joints, 2, axis=0), axis=-1) * RATE**2
+    slides = np.where(motion.contacts, s.foot_speed, 0.0) if len(s.time) == len(motion.translation) else np.inf
+    return bool(
+        check(s, "stumble").true
+        and motion.duration >= 2.4
+        and s.feet.min() > -_UNDER_IT
+        and s.ankle_speed.max() < 5.5
+        and turns.max() < 150.0
+        and np.mean(slides) < 0.12
+    )
 
 
 def landing(s: MotionSignals, begins: int) -> FloatArray:

@@ -29,7 +29,8 @@ _MASS = {
 }  # fmt: skip
 
 # Shapes of a mean adult of 1.70 m around each joint [m]: (kind, share of the segment's mass, numbers). A capsule has
-# two end points and a radius, a box its centre and half sides; an inner capsule has mass and touches nothing. Read off the skin of anny's mean adult in the T-pose.
+# two end points and a radius, a box its centre and half sides; an inner capsule has mass and touches nothing. Read off
+# the skin of anny's mean adult in the T-pose.
 _Shape = tuple[str, float, tuple[float, ...]]
 _SHAPES: Mapping[str, tuple[_Shape, ...]] = MappingProxyType(
     {

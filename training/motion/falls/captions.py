@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from training.motion.falls.simulation import Fall
-
 _TEXTS: dict[str, tuple[tuple[str, str], ...]] = {
     "trip": (
         ("trips while walking and falls forward to the floor", "is tripping while walking and falling forward"),
@@ -41,9 +39,13 @@ _TEXTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("sits down heavily on a chair", "is sinking heavily onto a chair"),
         ("drops onto a chair", "is dropping onto a chair"),
     ),
+    "stumble": (
+        ("stumbles while walking and catches the balance", "is stumbling while walking and recovering"),
+        ("trips over something and walks on", "is tripping over something and walking on"),
+    ),
 }
 
 
-def captions(fall: Fall) -> tuple[str, ...]:
-    """Sentences that are true of a fall of its kind."""
-    return tuple(f"a person {words}" for pair in _TEXTS[fall.scenario.kind] for words in pair)
+def captions(kind: str) -> tuple[str, ...]:
+    """Sentences that are true of each clip of a kind."""
+    return tuple(f"a person {words}" for pair in _TEXTS[kind] for words in pair)

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-import mujoco
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
@@ -26,6 +25,13 @@ from rfgen_sionna.records import Motion
 from training.motion.falls.body import NAMES, STEP, depth_first, hinge_order, kind_of, middle_of, model_xml
 from training.motion.falls.scenarios import Scenario
 from training.motion.mocap import find_contacts
+
+try:
+    import mujoco
+except ImportError as error:
+    raise ImportError(
+        "falls by physics need MuJoCo, which is not installed: pip install 'rfgen-sionna[training]'"
+    ) from error
 
 RATE = 20.0
 """Poses per second of a written motion [Hz]: that of the captured clips."""
@@ -58,10 +64,10 @@ class _Tone:
     group: str
 
 
-# Strength: about the maximal voluntary torques of adults (hip and knee 200 to 300 N m, ankle 150), half of them in arms
-# that reach. Stiffness in standing: of the order of the weight times the height it carries per radian, which balance needs
-# (Winter et al., Journal of Neurophysiology 80 (1998) 1211). Passive values: a few N m/rad at mid-range and damping
-# such that free limbs settle within a swing.
+# Strength: about the largest voluntary torques of adults (hip and knee 200 to 300 N m, ankle 150), less than half of
+# them in arms (70 N m), which reach and do not strike. Stiffness in standing: of the order of the weight times the
+# height that it carries per radian, which balance needs (Winter et al., Journal of Neurophysiology 80 (1998) 1211).
+# Values at rest are an estimate: free limbs settle within a swing.
 _TONES: Mapping[str, _Tone] = MappingProxyType(
     {
         "spine1": _Tone(500.0, 25.0, 15.0, 8.0, 200.0, "trunk"),
@@ -330,10 +336,10 @@ class FallingBody:
         lead = slice(max(start.frame - start.lead, 0), start.frame)
         rotations = np.concatenate([start.motion.rotations[lead], fine[every::every]])
         translation = np.concatenate([start.motion.translation[lead] + raised / case.size, way[every::every]])
-        return _placed(rotations, translation, case.action)
+        return placed(rotations, translation, case.action)
 
 
-def _placed(rotations: FloatArray, translation: FloatArray, action: str) -> Motion:
+def placed(rotations: FloatArray, translation: FloatArray, action: str) -> Motion:
     """A motion of the mean adult that begins at the origin and faces +x there."""
     facing = to_matrices(rotations[0, 0])[:, 0]
     turn = Rotation.from_euler("z", -np.arctan2(facing[1], facing[0]))

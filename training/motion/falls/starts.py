@@ -14,6 +14,7 @@ from rfgen_sionna.generative.action_definitions.changes_of_level import seated
 from rfgen_sionna.generative.action_definitions.motion_signals import MotionSignals
 from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
 from rfgen_sionna.records import Motion
+from training.motion.definitions import read_wrong
 
 WALKS = ("walk", "slow_walk", "fast_walk", "stride_walk")
 STANDS = ("idle", "wait", "look_around", "talk", "gesture", "laugh", "drink", "photo")
@@ -52,11 +53,11 @@ class Start:
 
 
 def clips_of(library: MotionLibrary, actions: Iterable[str]) -> list[tuple[LibraryClip, Motion, MotionSignals]]:
-    """Captured clips of actions with their signals, without those under share-alike terms and of physics itself."""
+    """Captured clips of actions with their signals, without those under share-alike terms and wrong ones."""
     found = []
     for action in actions:
         for clip in library.actions.get(action, ()):
-            if "SA" not in clip.licence and clip.kind != "simulated":
+            if clip.kind in ("mocap", "keyframed") and "SA" not in clip.licence and clip.name not in read_wrong():
                 motion = library.motion(clip.name)
                 found.append((clip, motion, MotionSignals(motion)))
     return found
