@@ -1,4 +1,4 @@
-"""Captured motion that ships with the package: captioned clips on one skeleton, with the terms of each.
+"""Motion that ships with the package, captured or simulated: captioned clips on one skeleton, with the terms of each.
 
 `library/<name>.npz` holds clips of one kind of terms; `library/README.md` is their card. Rotation vectors are stored
 in steps of pi / 2^15, positions in quarters of a millimetre, both as second differences.
@@ -42,7 +42,7 @@ class LibraryClip(ShortRepr):
     source: str
     subject: str
     kind: str
-    """"mocap", or "keyframed" by hand."""
+    """"mocap", "keyframed" by hand, "simulated" by physics, or "edited", a captured clip changed by rules."""
     frames: int
     frame_rate: float
     """[Hz]"""

@@ -26,7 +26,7 @@ def test_every_clip_has_words_terms_and_a_length(library: MotionLibrary) -> None
     for clip in library:
         assert clip.captions
         assert clip.action
-        assert clip.kind in ("mocap", "keyframed")
+        assert clip.kind in ("mocap", "keyframed", "simulated", "edited")
         assert f"**{clip.licence}**" in card
 
 
