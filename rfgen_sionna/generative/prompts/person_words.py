@@ -90,11 +90,23 @@ _NO_SUBJECT = frozenset(
 _ARTICLES = frozenset(("a", "an", "the", "is", "are", "who", "that", "his", "her"))
 _LINKS = frozenset(("and", "or", "is", "are", "who", "that", "which", "while"))
 """Words at the ends of a clause without meaning of their own."""
-_ONE = re.compile(r"\b(?:the )?either (?=arm|hand|leg|foot|knee)")
-_ANY = re.compile(r" ?\b(?:(?:to|from) )?(?:the )?either\b")
-"""Sides and turns that the words leave open."""
-_ARMS = re.compile(r"(?<=\w) with (?=(?:[a-z]+ ){0,3}?(?:arms?|hands?) (?!and\b)[a-z])")
-"""Before what the arms do meanwhile: a clause of its own."""
+_PLAINER: tuple[tuple[str, str], ...] = (
+    (r"(?:the )?either(?= (?:arm|hand|leg|foot|knee))", "one"),
+    (r"(?:(?:to|from) )?(?:the )?either", ""),
+    (
+        r"<a>(?:left (?:(?:arm|hand) )?and (?:also )?<a>right|right (?:(?:arm|hand) )?and (?:also )?<a>left) (?:arm|hand)s?",
+        "both arms",
+    ),
+    (rf"{vocabulary.GOES} (?:{dict(PATHS)['to_and_fro']})", "walks back and forth"),
+    (rf"(?P<verb>{vocabulary.WALKS}) (?:{dict(PATHS)['to_and_fro']})", r"\g<verb> back and forth"),
+    (r"(?<=[a-z] )with(?= (?:[a-z]+ ){0,3}?(?:arms?|hands?) (?!and\b)[a-z])", ","),
+)
+"""(pattern, other words); what the arms do meanwhile is a clause of its own."""
+_REWORDED = (
+    (re.compile(r"\bcross(?:es|ing|ed)? (?=(?:the|a) (?:[a-z]+ ){0,2}?(?:street|road|room|hall|corridor|field|office|lab|scene)\b)", re.IGNORECASE), "walks across "),
+    (re.compile(r"\bup and down (?=(?:the|an?) (?!arms?|hands?|legs?|stairs|ladder|steps))", re.IGNORECASE), "back and forth along "),
+)  # fmt: skip
+"""(pattern, other words) of ways through places."""
 _MEANWHILE = re.compile(r"\b(?:while|whilst|with|and)\b|,")
 _OF_AN_ARM = re.compile(r"\b(?:arms?|hands?|fingers?|head|wav\w+|swing\w*|draw\w*|rotat\w+|nod\w*|shak\w+)\b")
 _DECADES = ("twenties", "thirties", "forties", "fifties", "sixties", "seventies", "eighties")
@@ -129,6 +141,13 @@ _HALF_TURN = 120.0
 """Least turn of the action `turn_around` [degrees]."""
 
 
+def _plainly(clause: str) -> str:
+    """A clause with fewer wordings of the same: for "either arm" one, for "up and down" back and forth."""
+    for pattern, words in _PLAINER:
+        clause = compile_pattern(pattern).sub(words, clause)
+    return clause.strip()
+
+
 @dataclass
 class PersonWords:
     """Values in a text about a person, each with its words, in `reader.found` and here."""
@@ -159,7 +178,7 @@ class PersonWords:
             while kept and kept[-1] in _LINKS:
                 del kept[-1]
             if not set(kept) <= vocabulary.FILLERS:
-                found.append(_ARMS.sub(" , ", _ANY.sub("", _ONE.sub("one ", " ".join(kept)))))
+                found.append(_plainly(" ".join(kept)))
         return [*self.verbs, *found]
 
     def read_hands(self) -> list[tuple[str, str]]:
@@ -176,7 +195,7 @@ class PersonWords:
         said = self.reader.said
         for way, pattern in PATHS:
             for match in compile_pattern(pattern).finditer(said):
-                if not _OF_AN_ARM.search(_MEANWHILE.split(said[: match.start()])[-1]):
+                if not _OF_AN_ARM.search(_MEANWHILE.split(self.reader.text[: match.start()])[-1]):
                     return way
         return None
 
@@ -188,7 +207,10 @@ def read_wanted(text: str) -> PersonWords:
         PromptError: several persons, a number out of range, a place behind the radar, an unknown place, or a subject
             that is neither a person nor known.
     """
-    text, scenes = split_keyword(without_request(text))
+    text = without_request(text)
+    for pattern, words in _REWORDED:
+        text = pattern.sub(words, text)
+    text, scenes = split_keyword(text)
     said = PersonWords(Reader(text), scenes)
     reader = said.reader
     reader.understood += [(words, f"surroundings {scene}") for words, scene in scenes]

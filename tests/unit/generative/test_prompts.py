@@ -372,7 +372,7 @@ SENTENCES: list[tuple[str, dict[str, Any]]] = [
      {"action": "click", "surroundings": "free space"}),
     ("target: man, age: 30, height: 1.8 m, weight: 80 kg, action: standing, orientation: facing left",
      {"action": "standing", "orientation_deg": 90}),
-    ("orientation: 45 distance: 2.5 m action: wave a finger, person", {"orientation_deg": 45, "distance_m": 2.5}),
+    ("orientation: 45 distance: 2.5 m action: push, person", {"orientation_deg": 45, "distance_m": 2.5}),
     ("scene: Munich, person, walk", {"surroundings": "munich", "action": "walk"}),
     ("a person standing in free space", {"surroundings": "free space"}),
     ("a person walks along a street", {"surroundings": "simple_street_canyon", "action": "walk"}),
