@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import MappingProxyType
@@ -40,7 +41,7 @@ _BORROWED = MappingProxyType(
         "fall": ("fall_forward", "fall_backward", "fall_sideways"),
         "jump": ("jump_forward",),
         "lie": ("lie_down",),
-        "march": (),
+        "fall": ("fall_forward", "fall_backward", "fall_sideways"),
     }
 )
 """Action -> actions of clips that hold it, too."""
@@ -153,37 +154,44 @@ def _mean_speed(motion: Motion) -> float:
     return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum() / (step * (len(way) - 1)) * motion.frame_rate)
 
 
-def index(library: MotionLibrary) -> dict[str, list[Window]]:
-    """Windows of every action that has any."""
-    wanted = candidates(library)
+def index(library: MotionLibrary, actions: Sequence[str] | None = None) -> dict[str, list[Window]]:
+    """Windows of every action that has any, or of some `actions`."""
     signals: dict[str, dict[bool, MotionSignals]] = {}
     found: dict[str, list[Window]] = {}
-    for action, clips in sorted(wanted.items()):
+    for action, clips in sorted(candidates(library).items()):
+        if actions is not None and action not in actions:
+            continue
         for clip in clips:
             motion = library.motion(clip.name)
             if clip.name not in signals:
                 signals[clip.name] = {False: MotionSignals(motion), True: MotionSignals(mirrored(motion))}
             found.setdefault(action, []).extend(windows_of(clip, motion, action, signals[clip.name]))
-    return {action: windows for action, windows in found.items() if windows}
+    return {action: each for action, each in found.items() if each}
 
 
-def write_index(folder: Path) -> dict[str, list[Window]]:
-    """Write the index of the library of a folder."""
-    found = index(MotionLibrary(folder))
-    rows = {action: [list(asdict(window).values()) for window in windows] for action, windows in found.items()}
-    lines = [f'"{action}": {json.dumps(each, separators=(",", ":"))}' for action, each in rows.items()]
-    (folder / WINDOWS).write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+def write_index(folder: Path, actions: Sequence[str] | None = None) -> dict[str, list[Window]]:
+    """Write the index of the library of a folder; that of other actions than `actions` stays."""
+    path = folder / WINDOWS
+    found = index(MotionLibrary(folder), actions)
+    kept = json.loads(path.read_text(encoding="utf-8")) if actions is not None and path.exists() else {}
+    rows = {action: each for action, each in kept.items() if action not in (actions or ())}
+    rows |= {action: [list(asdict(window).values()) for window in each] for action, each in found.items()}
+    lines = [f'"{action}": {json.dumps(each, separators=(",", ":"))}' for action, each in sorted(rows.items())]
+    path.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
     return found
 
 
 @plainly
-def main(folder: Annotated[Path, typer.Option(help="Folder of the library.")] = FOLDER) -> None:
+def main(
+    folder: Annotated[Path, typer.Option(help="Folder of the library.")] = FOLDER,
+    actions: Annotated[list[str] | None, typer.Option(help="Actions; all by default, the others stay.")] = None,
+) -> None:
     """Write which part of which clip of the motion library shows which action."""
-    found = write_index(folder)
+    found = write_index(folder, actions)
     subjects = {clip.name: clip.subject for clip in MotionLibrary(folder)}
-    for action, windows in found.items():
-        people = Counter(subjects[window.clip] for window in windows)
-        Console().print(f"{action}: {len(windows)} windows of {len(people)} people")
+    for action, each in found.items():
+        people = Counter(subjects[window.clip] for window in each)
+        Console().print(f"{action}: {len(each)} windows of {len(people)} people")
 
 
 if __name__ == "__main__":
