@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -26,19 +26,24 @@ _SETTLING = 0.12
 """Smoothing time of the correction of heights [s]."""
 
 
-def part_heights(rig: Rig, joints: FloatArray, translation: FloatArray) -> dict[str, FloatArray]:
+def part_heights(
+    rig: Rig, joints: FloatArray, translation: FloatArray, parts: Sequence[str] = ()
+) -> dict[str, FloatArray]:
     """(frame,) height of the lowest vertex of each part over z = 0 [m].
 
     Args:
         rig: the body.
         joints: (frame, 52, 3, 3) world rotations of the joints relative to the T-pose.
         translation: (frame, 3) root positions [m].
+        parts: of the rig; empty for all.
     """
     rotations = bone_rotations(rig, joints)
     shift = rig.bone_heads(rotations, translation) - np.einsum("fbij,bj->fbi", rotations, rig.heads)
-    rows, parts = rig.outer_vertices
-    heights = rig.heights(rotations[:, :, 2], shift[:, :, 2], rows)
-    return {name: heights[parts == i].min(axis=0) for i, name in enumerate(rig.part_names)}
+    names = parts or rig.part_names
+    rows, of_part = rig.outer_vertices
+    wanted = np.isin(of_part, [rig.part_names.index(name) for name in names])
+    heights, of_part = rig.heights(rotations[:, :, 2], shift[:, :, 2], rows[wanted]), of_part[wanted]
+    return {name: heights[of_part == rig.part_names.index(name)].min(axis=0) for name in names}
 
 
 def body_size(rig: Rig) -> float:

@@ -8,7 +8,6 @@ from scipy.ndimage import gaussian_filter1d, label, maximum_filter1d
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.bodies.body_support import body_size, carrying_height, hover, lowest, part_heights
 from rfgen_sionna.generative.bodies.limb_contact import rest_limbs
-from rfgen_sionna.generative.bodies.retarget import bone_rotations
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.curves import ease
 from rfgen_sionna.generative.motion.rotations import X, Z, normalised
@@ -148,9 +147,8 @@ def _envelope(under: FloatArray, blend: int) -> FloatArray:
 
 def _lowest_vertex(rig: Rig, joints: FloatArray, translation: FloatArray, side: str) -> FloatArray:
     """(frame,) height of the lowest vertex of a foot [m]."""
-    bones = bone_rotations(rig, joints)
-    rows = np.unique(rig.faces[rig.face_parts == rig.part_names.index(f"{side}_foot")])
-    return np.array([rig.skin(r, p, rows)[:, 2].min() for r, p in zip(bones, translation, strict=True)])
+    foot = f"{side}_foot"
+    return part_heights(rig, joints, translation, (foot,))[foot]
 
 
 def _held(sole: FloatArray, planted: np.ndarray, blend: int) -> FloatArray:

@@ -61,10 +61,10 @@ def _rest_arm(
     width: float,
     frame_rate: float,
 ) -> None:
-    wrist = JOINT[f"{side}_wrist"]
+    wrist, name, arm = JOINT[f"{side}_wrist"], f"{side}_hand", (f"{side}_upper_arm", f"{side}_forearm")
     palm = PALM * body_size(rig)
     places = _places(rig, joints, translation)
-    hand, forearm = heights[f"{side}_hand"], heights[f"{side}_forearm"]
+    hand, forearm = heights[name], heights[f"{side}_forearm"]
     still = np.linalg.norm(np.gradient(places[:, wrist], axis=0), axis=1) * frame_rate < _STILL
     supports = still & (forearm < palm + _NEAR) & (hand < _NEAR)
     # a hand flat on the floor has its wrist a palm's height over it
@@ -75,12 +75,12 @@ def _rest_arm(
     if shift.any():
         _move_wrist(rig, joints, places, side, shift)
     for _ in range(2):
-        heights = part_heights(rig, joints, translation)
-        under = _lift(-np.minimum(heights[f"{side}_upper_arm"], heights[f"{side}_forearm"]), width)
+        heights = part_heights(rig, joints, translation, arm)
+        under = _lift(-np.min(list(heights.values()), axis=0), width)
         if under.any():
             _raise_elbow(rig, joints, _places(rig, joints, translation), side, under)
     for _ in range(2):
-        under = _lift(-part_heights(rig, joints, translation)[f"{side}_hand"], width)
+        under = _lift(-part_heights(rig, joints, translation, (name,))[name], width)
         if under.any():
             _bend_wrist(rig, joints, side, under)
 
