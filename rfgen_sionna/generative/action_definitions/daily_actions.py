@@ -76,9 +76,9 @@ def both_arms_forward(s: MotionSignals) -> Requirements:
 def beckon(s: MotionSignals) -> Requirements:
     def of(side: int) -> Requirements:
         hand = s.wrists[:, side]
-        there = (hand[:, 0] > 0.08) & (hand[:, 2] > -0.3) & (s.elbow_flexion[:, side] > 45.0) & _low(s, 1 - side)
+        there = (hand[:, 0] > 0.08) & (hand[:, 2] > -0.3) & (s.elbow_flexion[:, side] > 25.0) & _low(s, 1 - side)
         return [
-            at_least("longest time with the hand before the chest, the other one low [s]", longest(there), 1.0),
+            at_least("longest time with the hand before the chest, the other one low [s]", longest(there), 0.8),
             at_least("moves of it ahead and back by 5 cm", swings(hand[there, 0], 0.05) if there.any() else 0, 3),
             at_least(
                 "way ahead over the way across",
@@ -98,8 +98,8 @@ def beckon(s: MotionSignals) -> Requirements:
 def salute(s: MotionSignals) -> Requirements:
     def of(side: int) -> Requirements:
         elbow = s.ahead(s.pair("elbow") - s.pair("shoulder"))[:, side]
-        up = (s.hands_over_shoulders[:, side] > 0.08) & (elbow[:, 2] > -0.14) & (s.hand_to_head[:, side] < 0.36)
-        outwards = elbow[:, 1] * (1.0, -1.0)[side] > 0.08
+        up = (s.hands_over_shoulders[:, side] > 0.03) & (elbow[:, 2] > -0.2) & (s.hand_to_head[:, side] < 0.36)
+        outwards = elbow[:, 1] * (1.0, -1.0)[side] > 0.04
         calm = (s.wrist_speed[:, side] < 0.9) & _low(s, 1 - side)
         return [at_least("longest time with a calm hand at the brow [s]", longest(up & outwards & calm), 0.4)]
 
@@ -110,7 +110,7 @@ def salute(s: MotionSignals) -> Requirements:
 def wipe(s: MotionSignals) -> Requirements:
     def of(side: int) -> Requirements:
         hand = s.wrists[:, side]
-        there = (hand[:, 0] > 0.15) & (hand[:, 2] < -0.08)
+        there = (hand[:, 0] > 0.1) & (hand[:, 2] < 0.0)
         return [
             at_least("share of time with the hand ahead and under the chest", share(there), 0.7),
             at_least("moves of it from side to side by 0.1 m", swings(hand[:, 1], 0.1), 3),
@@ -119,7 +119,7 @@ def wipe(s: MotionSignals) -> Requirements:
                 -s.wrist_speed[:, 1 - side].mean() / max(s.wrist_speed[:, side].mean(), 1e-9),
                 -0.6,
             ),
-            at_most("way over the floor [m]", s.path, 1.5),
+            at_most("distance of the pelvis from its median place [m]", s.roam, 0.75),
         ]
 
     return _of_either(of)
@@ -135,7 +135,7 @@ def stir(s: MotionSignals) -> Requirements:
             at_least("share of time with the hand before the waist", share(there), 0.8),
             at_least("turns of the hand in a level circle", abs(round_it[-1] - round_it[0]) / (2.0 * np.pi), 1.0),
             at_most("size of the path [m]", float(np.ptp(hand[:, :2], axis=0).max()), 0.35),
-            at_most("way over the floor [m]", s.path, 0.8),
+            at_most("distance of the pelvis from its median place [m]", s.roam, 0.4),
         ]
 
     return _of_either(of)

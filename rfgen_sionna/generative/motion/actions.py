@@ -89,7 +89,7 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             ),
             _keyed("click", "clicks with the index finger", one_handed=True),
             _gesture("finger_swing", "swings the index finger", gestures.finger_swing),
-            _posture("standing", "stands", postures.standing, free_arms=2),
+            _keyed("standing", "stands", periodic=False),
             # append only: random streams depend on the index of an action
             Action("walk_straight", "walks straight ahead", walk_straight, free_arms=2),
             _keyed("wave", "waves", one_handed=True),

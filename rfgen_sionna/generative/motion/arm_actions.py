@@ -36,6 +36,7 @@ _TAPPED = np.array([[0.5, 0.8, 0.4], *POINTING[1:]])
 
 # fmt: off
 GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
+    "standing": KeyedGesture(_HOLD, None),
     "wave": KeyedGesture(
         (
             Key((0.24, 0.42), ((0.0, 0.02), (0.10, 0.16), (-0.03, 0.0)), fingers=(0.05, 0.45, 1.0)),
@@ -100,7 +101,7 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
     ),
     "throw": KeyedGesture(
         (
-            Key((0.45, 0.8), ((-0.36, -0.28), (0.08, 0.16), (0.05, 0.14)), fingers=(-0.4, 0.1, 1.0), curl=GRIP,
+            Key((0.45, 0.8), ((-0.3, -0.22), (0.08, 0.16), (0.05, 0.14)), fingers=(-0.4, 0.1, 1.0), curl=GRIP,
                 body={"turn": (-0.55, -0.3), "bend": (-0.15, -0.05), "weight": (-0.5, -0.2), "look": (-0.4, -0.2)}),
             Key((0.18, 0.26), ((0.08, 0.14), (-0.08, 0.02), (0.02, 0.1)), swift=True, curl=OPEN_HAND,
                 body={"turn": (0.25, 0.5), "bend": (0.1, 0.25), "weight": (0.3, 0.6), "look": (0.0, 0.2)}),
@@ -120,8 +121,8 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
             Key((1.0, 1.6), body=_HANGS),
             Key((0.6, 1.5), body=_HANGS),
         ),
-        ((-0.02, 0.12), (0.02, 0.2), (0.42, 0.5)), fingers=(0.0, 0.05, 1.0), palm=(0.5, -1.0, 0.0), curl=OPEN_HAND,
-        pole=(-0.3, 1.0, -0.2), other="mirror", rises=False, repeats=0.75,
+        ((-0.02, 0.12), (0.02, 0.2), (0.46, 0.52)), fingers=(0.0, 0.05, 1.0), palm=(0.5, -1.0, 0.0), curl=OPEN_HAND,
+        pole=(0.0, 1.0, -0.2), other="mirror", rises=False, repeats=0.75,
     ),
     "push": KeyedGesture(
         (
@@ -154,7 +155,7 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
     ),
     "arm_raised": KeyedGesture(
         _HOLD, ((0.06, 0.26), (0.05, 0.2), (0.36, 0.46)), fingers=(0.1, 0.0, 1.0), palm=(0.6, -0.8, 0.0),
-        pole=(-0.5, 1.0, -0.6), curl=OPEN_HAND, body={"lean": (-0.05, 0.0)},
+        pole=(-0.5, 1.0, -0.6), curl=OPEN_HAND, other="hangs", body={"lean": (-0.05, 0.0)},
     ),
     "t_pose": KeyedGesture(
         _HOLD, ((-0.02, 0.08), (0.47, 0.5), (-0.035, 0.03)), fingers=(0.05, 1.0, 0.0), palm=(0.1, 0.0, -1.0),
@@ -165,8 +166,10 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
         curl=OPEN_HAND, pole=_STRETCHED, other="mirror", rises=False,
     ),
     "arm_horizontal": (
-        KeyedGesture(_HOLD, _LEVEL_AHEAD, palm=(0.0, -0.3, -1.0), curl=OPEN_HAND),
-        KeyedGesture(_HOLD, _LEVEL_ASIDE, fingers=(0.1, 1.0, 0.0), palm=(0.3, 0.0, -1.0), curl=OPEN_HAND),
+        KeyedGesture(_HOLD, _LEVEL_AHEAD, palm=(0.0, -0.3, -1.0), curl=OPEN_HAND, other="hangs"),
+        KeyedGesture(
+            _HOLD, _LEVEL_ASIDE, fingers=(0.1, 1.0, 0.0), palm=(0.3, 0.0, -1.0), curl=OPEN_HAND, other="hangs"
+        ),
     ),
     "both_arms_forward": KeyedGesture(_HOLD, _LEVEL_AHEAD, palm=(0.0, -0.3, -1.0), curl=OPEN_HAND, other="mirror"),
     "point": KeyedGesture(

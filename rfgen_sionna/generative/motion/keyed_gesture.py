@@ -73,7 +73,8 @@ class KeyedGesture:
     pole: Vector = (-0.35, 0.6, -1.0)
     """Direction of the elbow."""
     other: str | Place = ""
-    """The other hand: "" free, "mirror" and "alternate" doing the same in step and in turn, or held at a place."""
+    """The other hand: "" free, "hangs", "mirror" and "alternate" doing the same in step and in turn, or held at a
+    place."""
     follow: float = 0.0
     """Share of the moves that a held hand makes too, as with a stick."""
     flows: bool = False
@@ -104,6 +105,10 @@ ARM_HOLDS: Mapping[str, KeyedGesture] = {
         other=((0.13, 0.16), (-0.07, -0.02), (-0.25, -0.21)), curl=GRIP,
         fingers=(-0.25, -1.0, 0.3), palm=(-1.0, 0.2, -0.2), pole=(-0.1, 0.5, -1.0), still=0.3,
     ),
+    "clasped": KeyedGesture(
+        (Key((1.0, 2.0)),), ((0.16, 0.2), (0.03, 0.06), (0.02, 0.2)), "pelvis", other="mirror", rises=False, curl=GRIP,
+        fingers=(0.35, -1.0, -0.3), palm=(-1.0, -0.4, 0.0), pole=(-0.4, 1.0, -0.5), still=0.3,
+    ),
     "behind_back": KeyedGesture(
         (Key((1.0, 2.0)),), ((-0.18, -0.15), (0.03, 0.07), (0.02, 0.1)), "pelvis", other="mirror", rises=False,
         fingers=(-0.1, -1.0, -0.4), palm=(-1.0, 0.1, 0.0), pole=(-0.6, 1.0, 0.2), still=0.2,
@@ -114,6 +119,12 @@ ARM_HOLDS: Mapping[str, KeyedGesture] = {
     ),
 }  # fmt: skip
 """Postures of arms that an action leaves free, beside "hanging"; lengths as above."""
+_HABITS = {
+    1: {"": 0.72, "in_pockets": 0.14, "on_hips": 0.1, "behind_back": 0.04},
+    2: {"": 0.6, "clasped": 0.14, "in_pockets": 0.08, "folded": 0.07, "behind_back": 0.06, "on_hips": 0.05},
+}
+"""How often people hold one free arm, or two, in some way: of the idle people in the library's clips (idle_*) a quarter
+clasp or fold their hands; those of one arm are estimates."""
 
 
 def perform(
@@ -146,11 +157,12 @@ def perform(
         swings.append((other, _between(t + lag, times, states, what.flows), 0))
     elif what.other == "alternate":
         swings.append((other, _between(t + 0.5 * total, times, states, what.flows), -s))
-    weight = np.full_like(t, 0.5)
+    at = _drawn(rng, what.at or HERE)
+    weight = 0.5 + np.clip(rng.normal(0.0, 0.1) + wander(t, rng, rng.uniform(0.0, 0.06), 0.05, 0.2), -0.3, 0.3)
     for side, state, sign in swings:
         moved = dict(zip(_BODY, state[:, 9 : 9 + len(_BODY)].T, strict=True))
         if what.at is not None:
-            _put(tracks, rng, side, what, state, rise * (1.0 - moved["hangs"]))
+            _put(tracks, rng, side, what, state, rise * (1.0 - moved["hangs"]), at)
         for name in _BODY[:8]:
             share = sign if name in _MIRRORED else 1 if side == hand or sign else 0
             if name in ("turn", "lean", "tilt"):
@@ -167,23 +179,34 @@ def perform(
     if not isinstance(what.other, str):
         state = swings[0][1].copy()
         state[:, :3] *= what.follow * np.array([1.0, -1.0, 1.0])
-        _put(tracks, rng, other, what, state, rise, what.other)
+        _put(tracks, rng, other, what, state, rise, _drawn(rng, what.other))
+    elif not what.other:
+        free = SIDES if what.at is None else (other,)
+        names, odds = zip(*_HABITS[len(free)].items(), strict=True)
+        if (habit := str(rng.choice(names, p=odds))) in ARM_HOLDS:
+            hold_arms(tracks, rng, habit, free)
     over_feet(tracks, np.clip(weight, 0.1, 0.9))
     fit_height(tracks)
 
 
 def hold_arms(tracks: MotionTracks, rng: np.random.Generator, posture: str, sides: Sequence[str]) -> None:
-    """Arms of `sides` in one of `ARM_POSTURES`."""
+    """Arms of `sides` in one of `ARM_POSTURES`, or with clasped hands."""
+    if posture in ARM_HOLDS:
+        what = ARM_HOLDS[posture]
+        at = _drawn(rng, what.at or HERE)
+        for side in sides:
+            own = at if side == "right" or isinstance(what.other, str) else _drawn(rng, what.other)
+            _put(tracks, rng, side, what, _still(what, tracks.n), np.ones(tracks.n), own)
+        return
     for side in sides:
-        if posture in ARM_HOLDS:
-            what = ARM_HOLDS[posture]
-            place = what.at if side == "right" or isinstance(what.other, str) else what.other
-            _put(tracks, rng, side, what, _still(what, tracks.n), np.ones(tracks.n), place)
-        else:
-            arm = tracks.arms[side]
-            for track in (arm.direction, arm.elbow):
-                middle = track.mean(axis=0)
-                track[:] = middle + 0.15 * (track - middle)
+        arm = tracks.arms[side]
+        for track in (arm.direction, arm.elbow):
+            middle = track.mean(axis=0)
+            track[:] = middle + 0.15 * (track - middle)
+
+
+def _drawn(rng: np.random.Generator, place: Place) -> FloatArray:
+    return np.array([rng.uniform(*each) for each in place])
 
 
 def _still(what: KeyedGesture, n: int) -> FloatArray:
@@ -230,22 +253,21 @@ def _cycles(
     seconds = _times(what, rng, manner, end)
     values = [_state(what, key, rng) for key in what.keys]
     total = float(seconds.sum())
-    spare = end - float(seconds[:2].sum())
+    uneven = 0.08 if manner.rate is None else 0.03
     # the first key and what follows it are within the motion
-    if spare >= total:
-        clock = -rng.uniform(0.0, total)
-    else:
-        clock = rng.uniform(0.0, spare) if spare > 0.0 else rng.uniform(0.3, 0.7) * spare
-    clock -= total * (1.0 + np.ceil(max(clock, 0.0) / total))
+    spare = end - (1.0 + uneven) * float(seconds[:2].sum())
+    first = rng.uniform(0.0, min(spare, total)) if spare > 0.0 else rng.uniform(0.3, 0.7) * spare
     strikes = [key.swift for key in what.keys]
     steps = list(zip(seconds, [*values, values[-1]], [*strikes, strikes[-1]], strict=True))
     steps = steps if seconds[-1] > 1e-6 else steps[:-1]
     scaled = np.zeros(len(values[0]), bool)
     scaled[:3], scaled[9 : 9 + _BODY.index("hangs")] = True, True
+    before = 1 + int(np.ceil(max(first, 0.0) / total))
+    tempos = rng.uniform(1.0 - uneven, 1.0 + uneven, before + 2 + int((end + total) / ((1.0 - uneven) * total)))
+    clock = first - total * tempos[:before].sum()
     times, states = [clock - 1e-3], [np.where(scaled, manner.size, 1.0) * values[-1]]
-    uneven = 0.08 if manner.rate is None else 0.03
-    while times[-1] <= end + total:
-        tempo, size = rng.uniform(1.0 - uneven, 1.0 + uneven), manner.size * rng.uniform(0.93, 1.07)
+    for tempo in tempos:
+        size = manner.size * rng.uniform(0.93, 1.07)
         for step, value, strike in steps:
             clock += step * tempo
             times.append(clock)
@@ -267,11 +289,11 @@ def _put(
     what: KeyedGesture,
     state: FloatArray,
     raised: FloatArray,
-    place: Place | None = None,
+    at: FloatArray,
 ) -> None:
-    """Hand, wrist and fingers of one side from the states of a gesture."""
+    """Hand, wrist and fingers of one side from the states of a gesture around the place `at` (3,) [m]."""
     arm, palm, t, sk = tracks.arms[side], tracks.hands[side], tracks.t, tracks.skeleton
-    at = np.array([rng.uniform(*each) for each in (place or what.at or HERE)])
+    at = at + 0.008 * what.still * rng.normal(size=3)
     drift = what.still * np.stack([wander(t, rng, 0.006, 0.1, 1.0) for _ in range(3)], axis=-1)
     reach = sk.length(f"{side}_elbow") + sk.length(f"{side}_wrist")
     target = (at + state[:, :3] + drift) * reach / _ARM

@@ -132,7 +132,7 @@ class KinematicSource:
         hand = drawn if hand is None else hand
         dense = int(np.ceil(_DENSE_RATE / self.frame_rate))
         t = np.arange(int(np.ceil(duration * self.frame_rate - 1e-9)) * dense + 1) / (self.frame_rate * dense)
-        tracks = MotionTracks(skeleton, t, rng.uniform(0.8, 1.4), rng.uniform(0.04, 0.25))
+        tracks = MotionTracks(skeleton, t, rng.uniform(0.75, 1.5), rng.uniform(0.04, 0.25))
         if manner.tired:
             tracks.bend += rng.uniform(0.08, 0.18)
             tracks.nod += rng.uniform(0.05, 0.2)

@@ -24,11 +24,14 @@ def quiet(tracks: MotionTracks, rng: np.random.Generator, amount: float = 1.0) -
     tracks.lean += amount * wander(t, rng, 0.006) + np.clip(rng.normal(0.0, 0.015), -0.03, 0.03)
     tracks.bend += amount * wander(t, rng, 0.008) + rng.uniform(-0.03, 0.1)
     tracks.turn += amount * wander(t, rng, 0.012) + np.clip(rng.normal(0.0, 0.04), -0.08, 0.08)
-    tracks.yaw += amount * wander(t, rng, 0.006)
+    tracks.yaw += amount * wander(t, rng, 0.006) + np.clip(rng.normal(0.0, 0.06), -0.15, 0.15)
+    tracks.roll += np.clip(rng.normal(0.0, 0.02), -0.05, 0.05)
+    tracks.pitch += np.clip(rng.normal(0.0, 0.03), -0.06, 0.06)
+    tracks.pelvis[:, 2] -= np.clip(rng.normal(0.0, 0.012), 0.0, 0.03)
     tracks.nod += amount * wander(t, rng, 0.03) + np.clip(rng.normal(0.1, 0.12), -0.15, 0.4)
     tracks.look += amount * wander(t, rng, 0.05, 0.05, 0.4) + np.clip(rng.normal(0.0, 0.1), -0.25, 0.25)
     tracks.tilt += amount * wander(t, rng, 0.015) + rng.normal(0.0, 0.02)
-    ahead = np.clip(rng.normal(0.0, 0.015), -0.04, 0.04)
+    ahead = np.clip(rng.normal(0.0, 0.025), -0.06, 0.06)
     breath = 2.0 * np.pi * (rng.uniform(0.2, 0.3) * t + rng.uniform())
     tracks.shrug += (0.012 * np.sin(breath))[:, None]
     tracks.bend -= 0.006 * np.sin(breath)
@@ -58,15 +61,6 @@ def relaxed(tracks: MotionTracks, rng: np.random.Generator) -> None:
 def stand_up_straight(tracks: MotionTracks) -> None:
     """Finish standing tracks: weight over the feet, legs within reach."""
     over_feet(tracks)
-    fit_height(tracks)
-
-
-def standing(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
-    """Quiet standing with shifts of weight between the legs."""
-    relaxed(tracks, rng)
-    quiet(tracks, rng, rng.uniform(0.8, 1.4))
-    shift = np.clip(wander(tracks.t, rng, rng.uniform(0.0, 0.08), 0.05, 0.2 * manner.pace), -0.25, 0.25)
-    over_feet(tracks, 0.5 + shift)
     fit_height(tracks)
 
 
