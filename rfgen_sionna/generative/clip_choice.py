@@ -54,7 +54,7 @@ def choose(
     """A window of one of the people who show an action, and whether it is mirrored."""
     options = [each for each in windows()[GAITS.get(action, action)] if strength > 0.0 or each.mirror is not True]
     # hands of animators exaggerate: real people first, where there are some
-    real = [each for each in options if clip_record(each.clip).kind == "mocap"]
+    real = [each for each in options if clip_record(each.clip).kind != "keyframed"]
     if len({clip_record(each.clip).subject for each in real}) >= _ENOUGH:
         options = real
     if manner.hand is not None:

@@ -38,7 +38,6 @@ _BORROWED = MappingProxyType(
         "stand_up": ("sit_stand",),
         "sit": ("sit_stand",),
         "get_up": ("getup",),
-        "fall": ("fall_forward", "fall_backward", "fall_sideways"),
         "jump": ("jump_forward",),
         "lie": ("lie_down",),
         "fall": ("fall_forward", "fall_backward", "fall_sideways"),
