@@ -35,10 +35,10 @@ def _either(of: Callable[[MotionSignals, int], Requirements], s: MotionSignals) 
     return easiest([of(s, 0), of(s, 1)])
 
 
-def _in_place(s: MotionSignals, most: float = 0.8) -> Requirements:
+def _in_place(s: MotionSignals, most: float = 0.4) -> Requirements:
     return [
         at_least("share of time on the feet", share(s.legs > 0.85), 0.9),
-        at_most("way over the floor [m]", s.path, most),
+        at_most("distance of the pelvis from its median place [m]", s.roam, most),
     ]
 
 
@@ -118,7 +118,7 @@ def _held_up(s: MotionSignals, side: int) -> Requirements:
         at_least("median hand from the shoulders [m]", np.median(s.wrists[:, side, 2]), -0.4),
         at_least("median hand ahead of the shoulders [m]", np.median(s.wrists[:, side, 0]), 0.12),
         at_most("spread of the wrist about its mean place [m]", s.wrists[:, side].std(axis=0).max(), 0.06),
-        *_in_place(s, 0.4),
+        *_in_place(s, 0.2),
     ]
 
 
@@ -208,7 +208,7 @@ def shake_hands(s: MotionSignals) -> Requirements:
                 "median of the other hand over its shoulder [m]", np.median(s.hands_over_shoulders[:, 1 - side]), -0.2
             ),
             at_most("fastest hand against the shoulders [m/s]", s.wrist_speed[:, side].max(), 2.5),
-            *_in_place(s, 2.0),
+            *_in_place(s, 1),
         ]
 
     return _either(of, s)
@@ -323,7 +323,7 @@ def swing_arms(s: MotionSignals) -> Requirements:
             0.6,
         ),
         at_most("highest foot [m]", s.feet.max(), 0.25),
-        *_in_place(s, 1.2),
+        *_in_place(s, 0.6),
     ]
 
 
@@ -370,7 +370,7 @@ def wash_window(s: MotionSignals) -> Requirements:
                 6,
             ),
             at_least("median speed of the hand [m/s]", np.median(s.wrist_speed[:, side]), 0.3),
-            *_in_place(s, 3.0),
+            *_in_place(s, 1),
         ]
 
     return _either(of, s)

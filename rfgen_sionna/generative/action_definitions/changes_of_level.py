@@ -59,14 +59,9 @@ def _height_at(s: MotionSignals, moment: slice) -> float:
 
 @defines("standing", "Upright on both feet in one place, trunk up, hands low and slow.")
 def standing(s: MotionSignals) -> Requirements:
-    place = s.joint("pelvis")[:, :2]
     return [
         at_least("share of time upright on both feet", share(upright(s) & (s.feet < 0.08).all(axis=1)), 0.7),
-        at_most(
-            "distance of the pelvis from its mean place [m]",
-            np.linalg.norm(place - np.median(place, axis=0), axis=1).max(),
-            0.4,
-        ),
+        at_most("distance of the pelvis from its median place [m]", s.roam, 0.45),
         at_least(
             "share of time with both wrists below the shoulders",
             share(np.all(s.hands_over_shoulders < 0.05, axis=1)),
@@ -230,7 +225,7 @@ def squat(s: MotionSignals) -> Requirements:
         at_most("height of a foot then [m]", s.feet[down].max(), 0.16),
         at_most("inclination of the trunk then [degrees]", s.inclination[down], 62.0),
         at_most("distance between the ankles ahead then [m]", s.feet_apart[down, 0], 0.35),
-        at_most("way over the floor [m]", s.path, 1.0),
+        at_most("distance of the pelvis from its median place [m]", s.roam, 0.5),
         at_most("longest time off the floor [s]", longest(s.airborne), 0.3),
     ]
 

@@ -84,7 +84,7 @@ def side_twist(s: MotionSignals) -> Requirements:
     return [
         at_least("turns of the shoulders against the hips by 30 degrees", swings(twist, 30.0), 2),
         at_least("share of time on both feet", share(np.all(s.feet < 0.08, axis=1)), 0.9),
-        at_most("way over the floor [m]", s.path, 0.5),
+        at_most("distance of the pelvis from its median place [m]", s.roam, 0.25),
     ]
 
 

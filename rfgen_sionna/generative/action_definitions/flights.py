@@ -97,7 +97,7 @@ def jumping_jacks(s: MotionSignals) -> Requirements:
         at_least("moves of the feet apart and together by 0.2 m", swings(legs, 0.2), 3),
         at_least("correlation of the two arms", _correlation(arms[:, 0], arms[:, 1]), 0.8),
         at_least("correlation of arms and legs, unsigned", abs(_correlation(both, legs)), 0.4),
-        at_most("way over the floor [m]", s.path, 1.5),
+        at_most("distance of the pelvis from its median place [m]", s.roam, 0.75),
     ]
 
 

@@ -177,7 +177,7 @@ def type_on_keys(s: MotionSignals) -> Requirements:
     return [
         at_least("share of time with both hands before the body, elbows bent", share(held), 0.8),
         at_most("spread of the wrists about their mean place [m]", hands.std(axis=0).max(), 0.08),
-        at_most("way over the floor [m]", s.path, 0.4),
+        at_most("distance of the pelvis from its median place [m]", s.roam, 0.2),
     ]
 
 
@@ -186,7 +186,7 @@ def _head(axis: int, s: MotionSignals, size: float, times: int, words: str) -> R
     return [
         at_least(f"{words} by {size:g} degrees", swings(turns[:, axis], size), times),
         at_least("that axis over the other one", np.ptp(turns[:, axis]) / max(np.ptp(turns[:, 1 - axis]), 1e-9), 1.0),
-        at_most("way over the floor [m]", s.path, 0.5),
+        at_most("distance of the pelvis from its median place [m]", s.roam, 0.25),
         at_most("change of the trunk's inclination [degrees]", np.ptp(s.inclination), 15.0),
         at_most("change of the pelvis' height [m]", np.ptp(s.pelvis_height), 0.1),
         at_most("90th percentile of the wrists' speed [m/s]", np.percentile(s.wrist_speed, 90), 1.0),
@@ -208,7 +208,7 @@ def look_around(s: MotionSignals) -> Requirements:
     gaze = np.degrees(s.chest_heading) - np.degrees(s.chest_heading[0]) + s.head_turns[:, 0]
     return [
         at_least("turns of the gaze from side to side by 40 degrees", swings(gaze, 40.0), 2),
-        at_most("way over the floor [m]", s.path, 1.5),
+        at_most("distance of the pelvis from its median place [m]", s.roam, 0.75),
         at_most("change of the pelvis' height [m]", np.ptp(s.pelvis_height), 0.2),
         at_most("90th percentile of the trunk's inclination [degrees]", np.percentile(s.inclination, 90), 30.0),
     ]

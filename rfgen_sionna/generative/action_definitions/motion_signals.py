@@ -335,6 +335,12 @@ class MotionSignals:
         return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
 
     @cached_property
+    def roam(self) -> float:
+        """Greatest distance of the pelvis over the floor from its median place, in the mean over 0.6 s [m]"""
+        way = smooth(self.joint("pelvis")[:, :2], 0.6)
+        return float(np.linalg.norm(way - np.median(way, axis=0), axis=1).max())
+
+    @cached_property
     def displacement(self) -> FloatArray:
         """(3,) of the pelvis from start to end, in the axes of the start [m]"""
         c, s = np.cos(self.heading[0]), np.sin(self.heading[0])
