@@ -12,14 +12,16 @@ if TYPE_CHECKING:
     from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, check, is_true_of
     from rfgen_sionna.generative.actor import Actor
     from rfgen_sionna.generative.bodies import Phenotype
+    from rfgen_sionna.generative.manner import Manner
     from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
     from rfgen_sionna.generative.motion_library import MotionLibrary
+    from rfgen_sionna.generative.performing import perform, performable
     from rfgen_sionna.generative.prompts import parse_environment, read_prompt
 
 _HOME = {
     "DEFINED_ACTIONS": "action_definitions", "check": "action_definitions", "is_true_of": "action_definitions",
     "ACTIONS": "motion", "Actor": "actor", "KinematicSource": "motion", "MotionLibrary": "motion_library",
-    "MotionSource": "motion",    "Phenotype": "bodies", "parse_environment": "prompts", "read_prompt": "prompts",
+    "Manner": "manner", "MotionSource": "motion", "perform": "performing", "performable": "performing", "Phenotype": "bodies", "parse_environment": "prompts", "read_prompt": "prompts",
 }  # fmt: skip
 
 __all__ = [
@@ -27,12 +29,15 @@ __all__ = [
     "DEFINED_ACTIONS",
     "Actor",
     "KinematicSource",
+    "Manner",
     "MotionLibrary",
     "MotionSource",
     "Phenotype",
     "check",
     "is_true_of",
     "parse_environment",
+    "perform",
+    "performable",
     "read_prompt",
 ]
 
