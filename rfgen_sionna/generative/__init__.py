@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 _HOME = {
     "DEFINED_ACTIONS": "action_definitions", "check": "action_definitions", "is_true_of": "action_definitions",
     "ACTIONS": "motion", "Actor": "actor", "KinematicSource": "motion", "MotionLibrary": "motion_library",
-    "Manner": "manner", "MotionSource": "motion", "perform": "performing", "performable": "performing", "Phenotype": "bodies", "parse_environment": "prompts", "read_prompt": "prompts",
+    "Manner": "manner", "MotionSource": "motion", "perform": "performing", "performable": "performing",
+    "Phenotype": "bodies", "parse_environment": "prompts", "read_prompt": "prompts",
 }  # fmt: skip
 
 __all__ = [
