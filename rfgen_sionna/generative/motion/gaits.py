@@ -21,6 +21,8 @@ _MARCHING = (0.7, 1.1)
 """Speed of people who march [m/s]."""
 _CADENCE = (1.45, 2.0)
 """Steps in place [1/s]."""
+_STOOP = 0.15
+"""Bend of the trunk of who is tired [rad]."""
 _LOW, _HIGH = np.radians(56.0), np.radians(95.0)
 """Least and greatest lift of a marching thigh from hanging [rad]."""
 
@@ -30,7 +32,7 @@ def limp(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Mann
     leans over it (antalgic gait: Perry and Burnfield, Gait Analysis, 2nd ed. 2010, ch. 14)."""
     sore, sound = SIDES if rng.uniform() < 0.5 else SIDES[::-1]
     pace, step = own_pace(tracks, rng, manner, _LIMPING)
-    step = min(step, pace / _QUICK)
+    step = step if manner.rate is not None else min(step, pace / _QUICK)
     severe = rng.uniform(0.8, 1.35) * np.clip(manner.size, 0.95, 1.2)
     short, long = 0.62 - 0.085 * severe, 0.62 + 0.065 * severe
     legs = {
@@ -45,7 +47,7 @@ def limp(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Mann
     tracks.lean += towards * lean * carried
     tracks.pelvis[:, 1] -= towards * rng.uniform(0.01, 0.03) * carried
     tracks.pitch += rng.uniform(0.0, 0.08)
-    tracks.bend += rng.uniform(0.0, 0.12) * (1.0 + 0.5 * manner.tired)
+    tracks.bend += rng.uniform(0.0, 0.12) + _STOOP * manner.tired
     tracks.nod += rng.uniform(0.0, 0.2)
     # the stiff leg swings around
     foot, swing = tracks.feet[sore], bump((share - short) / (1.0 - short))
@@ -57,8 +59,6 @@ def limp(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Mann
 def march(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Straight ahead with high knees and swinging arms."""
     pace, step = own_pace(tracks, rng, manner, _MARCHING)
-    if manner.rate is not None:
-        step = pace * 60.0 / manner.rate
     phase = gait(tracks, rng, straight(float(tracks.t[-1]), pace), pace, step)
     _high_knees(tracks, rng, manner, phase, 0.62, ahead=0.4)
     ride_height(tracks)
@@ -99,6 +99,7 @@ def _high_knees(
     """Lift the knees in the swings of `phase` (by side, (n,) [rad]), and swing the arms against them."""
     sk, t = tracks.skeleton, tracks.t
     height = np.clip(np.radians(rng.uniform(60.0, 88.0)) * manner.size, _LOW, _HIGH)
+    tracks.bend += _STOOP * manner.tired
     tilt, drop = rng.uniform(-0.15, 0.25), rng.uniform(0.1, 0.6)
     swing_arm, bent = rng.uniform(0.35, 0.9) * np.clip(manner.size, 0.5, 1.3), rng.uniform(0.15, 1.4)
     wide = rng.uniform(0.08, 0.2)

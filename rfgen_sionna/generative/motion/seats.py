@@ -93,7 +93,9 @@ def _write(
     amount = rng.uniform(*_LEAN) * np.clip(manner.size, 0.7, 1.2)
     slump = rng.uniform(-0.3, 0.1)
     tracks.pitch += 0.6 * amount * lean + low * (slump + wander(t, rng, 0.01))
-    tracks.bend += 0.45 * amount * lean + low * (rng.uniform(0.0, 0.25) - 0.5 * slump + wander(t, rng, 0.02))
+    tracks.bend += (
+        0.15 * manner.tired + 0.45 * amount * lean + low * (rng.uniform(0.0, 0.25) - 0.5 * slump + wander(t, rng, 0.02))
+    )
     tracks.turn += low * wander(t, rng, 0.03)
     tracks.nod -= 0.5 * amount * lean - low * rng.uniform(-0.1, 0.2)
     tracks.look += low * wander(t, rng, 0.12, 0.05, 0.3)

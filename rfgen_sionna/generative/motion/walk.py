@@ -109,12 +109,19 @@ def straight(end: float, speed: float) -> WalkPath:
 def own_pace(
     tracks: MotionTracks, rng: np.random.Generator, manner: Manner, usual: tuple[float, float] = (0.85, 1.35)
 ) -> tuple[float, float]:
-    """A person's speed [m/s] and step length [m], from the leg length; `usual` speeds of an adult [m/s]."""
+    """A person's speed [m/s] and step length [m], from the leg length; `usual` speeds of an adult [m/s].
+
+    The speed and the rate of `manner` are those of the person; its rate counts steps.
+    """
     size = tracks.skeleton.leg_length() / 0.82
     pace = rng.uniform(*usual) * manner.pace * np.sqrt(size)
+    own = rng.uniform(0.94, 1.06) * size**0.75
+    if manner.rate is not None:
+        step = WALK_RATIO * manner.rate * own if manner.speed_mps is None else 60.0 * manner.speed_mps / manner.rate
+        return step * manner.rate / 60.0, step
     pace = pace if manner.speed_mps is None else manner.speed_mps
     # v = step * cadence and step = ratio * cadence * 60
-    return pace, np.sqrt(WALK_RATIO * 60.0 * pace) * rng.uniform(0.94, 1.06) * size**0.75
+    return pace, np.sqrt(WALK_RATIO * 60.0 * pace) * own
 
 
 def walk(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:

@@ -134,3 +134,9 @@ def test_speed_over_the_floor_is_kept():
     for action in ("limp", "march"):
         s = signals(action, 6.0, 0, Manner(speed_mps=0.6))
         assert s.path / s.duration == pytest.approx(0.6, rel=0.1)
+
+
+def test_steps_a_minute_are_counted():
+    s = signals("march_in_place", 10.0, 0, Manner(rate=100.0))
+    lifts = np.sum(np.diff((s.thigh_elevation > 45.0).astype(int), axis=0) == 1)
+    assert 60.0 * lifts / s.duration == pytest.approx(100.0, abs=10.0)
