@@ -91,6 +91,7 @@ _CLAUSES = {
     "sit": ("sits", "sitting"),
     "sit_and_stand": ("sits down and stands up", "sitting down and standing up"),
     "sit_down": ("sits down", "sitting down"),
+    "sit_down_heavily": ("drops onto a chair", "dropping onto a chair"),
     "sit_up": ("does sit-ups", "doing sit-ups"),
     "skip": ("skips", "skipping"),
     "slip": ("slips", "slipping"),

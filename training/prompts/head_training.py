@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from rfgen_sionna.generative.prompts import sentence_features
-from training.learning import Progress, fit
 from rfgen_sionna.generative.prompts.action_reader import REFUSED
+from training.learning import Progress, fit
 from training.prompts.sentences import Sentence, plain, wordings
 
 
@@ -51,17 +51,8 @@ class Head:
     """Family -> stems of its wordings."""
     common: list[str]
     """Stems that tell nothing of an action."""
-
-    def write(self, path: Path, limits: tuple[float, float], facts: dict[str, Any]) -> None:
-        """Write the file; weights in half precision."""
-        header = {"labels": self.labels, "stems": self.stems, "common": self.common, "limits": limits, **facts}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        np.savez_compressed(
-            path,
-            weights=self.weights.astype(np.float16),
-            bias=self.bias.astype(np.float16),
-            facts=np.frombuffer(json.dumps(header).encode(), np.uint8),
-        )
+    words: list[str]
+    """Words of the training sentences."""
 
 
 def train_head(
@@ -94,7 +85,8 @@ def train_head(
 
     fit(net, loss_of, recipe.steps, rate=recipe.rate, progress=progress)
     stems, common = vocabulary(corpus)
-    return Head(labels, net.weights(), net.bias(), stems, common)
+    words = sorted({word for each in corpus for word in re.findall(r"[a-z]+", each.text)})
+    return Head(labels, net.weights(), net.bias(), stems, common, words)
 
 
 class _Regression(torch.nn.Module):
@@ -126,7 +118,9 @@ class _Regression(torch.nn.Module):
 
     def weights(self) -> NDArray[np.float32]:
         """Weights (feature, label) of the design matrix of :func:`.sentence_features.design`."""
-        both = torch.cat([self._scales[0] * self.vectors.weight.detach().T, self._scales[1] * self.words.weight.detach()])
+        both = torch.cat(
+            [self._scales[0] * self.vectors.weight.detach().T, self._scales[1] * self.words.weight.detach()]
+        )
         return both.numpy().astype(np.float32)
 
 
@@ -145,6 +139,18 @@ def vocabulary(corpus: Sequence[Sentence]) -> tuple[dict[str, list[str]], list[s
     return {label: sorted(words) for label, words in found.items()}, common
 
 
-def recipe_facts(recipe: HeadRecipe) -> dict[str, Any]:
-    """The recipe as JSON."""
-    return asdict(recipe)
+def write_head(path: Path, head: Head, limits: tuple[float, float, float]) -> None:
+    """Write the file that the action reader loads; weights in half precision.
+
+    Args:
+        path: the file.
+        head: trained head.
+        limits: least probability of a reading, by its doubt.
+    """
+    facts = {"labels": head.labels, "stems": head.stems, "common": head.common, "words": head.words, "limits": limits}
+    np.savez_compressed(
+        path,
+        weights=head.weights.astype(np.float16),
+        bias=head.bias.astype(np.float16),
+        facts=np.frombuffer(json.dumps(facts).encode(), np.uint8),
+    )

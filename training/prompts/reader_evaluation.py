@@ -11,6 +11,10 @@ from rfgen_sionna.generative.prompts.action_reader import ActionReader, ActionRe
 
 HELD_OUT = Path(__file__).with_name("held_out.toml")
 """Sentences on which the limits are chosen."""
+MOST_WRONG = (0.01, 0.01, 0.02)
+"""Largest share of held-out sentences that may be read as something else, by the doubt of the reading ..."""
+LEAST = (0.45, 0.55, 0.75)
+"""... and the least limits: of sentences of other topics than the held-out ones more are wrong."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,22 @@ def examination(path: Path = HELD_OUT) -> list[Expected]:
 def outcomes(reader: ActionReader, sentences: Sequence[Expected]) -> list[Outcome]:
     """Readings of all sentences."""
     return [Outcome(each, reader.read(each.text)) for each in sentences]
+
+
+def chosen_limits(found: Sequence[Outcome]) -> tuple[float, float, float]:
+    """Least probabilities of a reading, by its doubt: the lowest under which at most `MOST_WRONG` of the sentences of
+    that doubt are read as something else.
+
+    Args:
+        found: readings without limits.
+    """
+    limits = []
+    for doubt in range(3):
+        some = [each for each in found if each.reading.doubt == doubt]
+        wrong = sorted((each.reading.probability for each in some if each.wrong), reverse=True)
+        allowed = int(MOST_WRONG[doubt] * len(some))
+        limits.append(max(LEAST[doubt], round(wrong[allowed] + 0.005, 2) if len(wrong) > allowed else 0.0))
+    return limits[0], limits[1], limits[2]
 
 
 def figures(found: Sequence[Outcome]) -> dict[str, float]:

@@ -1,17 +1,21 @@
 """Sentences of the action reader's training: wordings with subjects, tenses and circumstances, drawn by a seed."""
 
+# Lists of words.
+# ruff: noqa: E501, SIM905
+
 from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from rfgen_sionna.generative.motion_library import MotionLibrary
 from rfgen_sionna.generative.prompts.action_reader import REFUSED
-from rfgen_sionna.generative.prompts.clauses import canonical
+from rfgen_sionna.generative.prompts.clauses import canonical, split
 
 _FOLDER = Path(__file__).parent
 _SUBJECTS = """
@@ -27,8 +31,6 @@ in the office; with ease; in the morning; calmly; vigorously; on the left; near 
 in the gym; on stage; in the hospital; in the bathroom; next to the bed; beside the table; before the audience; in front of the mirror; at school; at work; past the sensor; under the lamp; during the break; for fun; in silence; at night; on the carpet; on the mat; in the hallway;
 with great effort; in the rain; on the beach; in a hurry; without a word; at the party; on the street; in the supermarket; as a joke; for the camera; in the ward; at the bus stop; in slow motion; out of boredom; as an exercise; in despair; at the doctor's; like an old man; on the platform; as if nothing had happened
 """
-_TYPOS = 0.06
-"""Share of sentences with a typing error."""
 _BEFORE = ("slowly", "quickly", "suddenly", "carefully", "repeatedly", "now", "just", "calmly", "always", "often")
 _REQUESTS = ("{}", "a video of {}", "{}, please", "data of {}", "a recording of {}", "{} again", "the motion of {}")
 _PAST = {
@@ -85,23 +87,10 @@ def sentences(count: int, seed: int) -> list[Sentence]:
             expanded = list(_expanded(phrase))
             for number in range(max(count, len(expanded))):
                 text = canonical(_sentence(expanded[number % len(expanded)], number, rng).lower())
-                if rng.random() < _TYPOS:
-                    text = _mistyped(text, rng)
                 found.setdefault(text, Sentence(text, label, phrase))
                 if "<" not in phrase and number >= len(expanded) and label.startswith(REFUSED):
                     break
     return list(found.values())
-
-
-def _mistyped(text: str, rng: np.random.Generator) -> str:
-    """The text with two letters of a longer word exchanged, or one lost or doubled."""
-    long = [match for match in re.finditer(r"[a-z]{5,}", text) if match.group() != "person"]
-    if not long:
-        return text
-    word = long[rng.integers(len(long))]
-    place = int(rng.integers(word.start() + 1, word.end() - 1))
-    a, b = text[place], text[place + 1]
-    return text[:place] + (b + a, a, a + a + b)[rng.integers(3)] + text[place + 2 :]
 
 
 def plain(phrase: str) -> str:
@@ -167,8 +156,12 @@ def _possessive(subject: str, rng: np.random.Generator) -> str:
         return "the"
     if subject in ("I", "you", "they"):
         return {"I": "my", "you": "your", "they": "their"}[subject]
-    female = re.search(r"woman|girl|lady|she|grandma|granny|mother|sister|nurse|actress|princess|aunt|Anna|Maria", subject)
-    male = re.search(r"\bman|boy|\bhe\b|grandpa|father|brother|guy|fellow|gentleman|king|monk|uncle|Peter|John", subject)
+    female = re.search(
+        r"woman|girl|lady|she|grandma|granny|mother|sister|nurse|actress|princess|aunt|Anna|Maria", subject
+    )
+    male = re.search(
+        r"\bman|boy|\bhe\b|grandpa|father|brother|guy|fellow|gentleman|king|monk|uncle|Peter|John", subject
+    )
     return "her" if female else "his" if male else str(rng.choice(["his", "her", "their", "the", "one's"]))
 
 
@@ -210,19 +203,41 @@ def _doubled(verb: str) -> str:
     return verb + verb[-1] if _DOUBLED.match(verb) and verb not in _SINGLE else verb
 
 
-_SUBJECTS_LIST, _ENDINGS_LIST = _split(_SUBJECTS), _split(_ENDINGS)
+def captions(library: MotionLibrary) -> list[Sentence]:
+    """Captions of one clause of the clips of a library, labelled by their actions."""
+    found: dict[str, Sentence] = {}
+    for clip in library:
+        label = _CLIPS.get(clip.action, clip.action if clip.action in _PLAIN else "")
+        for text in clip.captions:
+            if label and not split(text).texts:
+                said = canonical(text.lower())
+                found.setdefault(said, Sentence(said, label, said))
+    return list(found.values())
 
 
-def captions(library: Mapping[str, tuple[str, ...]], families: Mapping[str, str]) -> list[Sentence]:
-    """Captions of clips, labelled by their actions.
-
-    Args:
-        library: action of the library -> captions.
-        families: action of the library -> family of the reader; others are left out.
+_PLAIN = frozenset(
     """
-    return [
-        Sentence(text, families[action], text)
-        for action, texts in library.items()
-        if action in families
-        for text in texts
-    ]
+    arm_circles bow boxing carry cartwheel clap crawl crouch dance drink handstand hop jump jump_forward jump_twist
+    jumping_jacks kick kneel leap lie lie_down lift look_around nod pick_up point punch push put_down reach run salute
+    shake_head sidestep sit_down skip sneak squat stand_up stretch swing_arms t_pose throw toe_touch type walk
+    walk_turn wash_window wave
+    """.split()
+)
+"""Actions of the library that are families of the reader."""
+_CLIPS = {
+    "breakdance": "dance", "dance_modern": "dance", "salsa": "dance", "indian_dance": "dance", "idle": "standing",
+    "walk_back": "walk_backwards", "run_back": "run_backwards", "turn": "turn_around", "getup": "get_up",
+    "getup_down": "get_up", "getup_side": "get_up", "pushup": "push_up", "situp": "sit_up", "steps": "climb_stairs",
+    "ladder": "climb_ladder", "jog_in_place": "jog_on_the_spot", "sit_stand": "sit_and_stand",
+    "knee_elbow": "knee_to_elbow", "side_twist": "twist", "fast_walk": "walk", "slow_walk": "walk",
+    "run_turn_left": "run", "run_turn_right": "run", "run_turn": "run", "flip": "flip", "sit_floor": "sit_down",
+    **dict.fromkeys(("sword", "block", "dodge", "fight_stance", "fight_step", "roll", "yoga", "taunt",
+                     "bball_dribble_fwd", "bball_dribble_back", "bball_dribble_side", "bball_shoot", "bball_signal"),
+                    REFUSED + "games"),
+    **dict.fromkeys(("laugh", "cheer", "gesture", "emotion", "cry", "shout", "talk", "whisper", "whistle", "shrug",
+                     "angry", "confused", "reject", "pose"), REFUSED + "talk"),
+    **dict.fromkeys(("photo", "dress", "traffic"), REFUSED + "work"),
+    **dict.fromkeys(("playground", "hang"), REFUSED + "climbing"), "smoke": REFUSED + "eating",
+}  # fmt: skip
+"""Other actions of the library -> labels."""
+_SUBJECTS_LIST, _ENDINGS_LIST = _split(_SUBJECTS), _split(_ENDINGS)

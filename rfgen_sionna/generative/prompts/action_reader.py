@@ -8,11 +8,8 @@ are beside the weights.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +18,7 @@ from numpy.typing import NDArray
 from rfgen_sionna.generative.action_catalogue import ACTION_CLAUSES
 from rfgen_sionna.generative.prompts import clauses, sentence_features
 from rfgen_sionna.generative.prompts.caption_encoder import CaptionEncoder
-from rfgen_sionna.generative.prompts.word_order import FAMILIES, actions_of, limb_side
+from rfgen_sionna.generative.prompts.word_order import FAMILIES, KINDS, actions_of, limb_side
 
 WEIGHTS = Path(__file__).with_name("weights") / "action_reader.npz"
 """File of the head."""
@@ -29,8 +26,8 @@ REFUSED = "refused: "
 """Beginning of the labels of what no action covers; the topic follows."""
 _QUIET = frozenset({"talk", "mind", "states", "music"})
 """Topics that may go on beside an action, without an effect on it."""
-_ALIKE = 0.84
-"""Least likeness of a mistyped word, of 1."""
+_CLEAR = 0.6
+"""Share of the probability of all kinds of an action from which one kind is meant."""
 _SURE = 0.9
 """Probability from which a clause decides against the others."""
 
@@ -56,6 +53,8 @@ class ActionReading:
     """"left" or "right" in the words, where the action leaves it open."""
     unknown: tuple[str, ...] = ()
     """Words that no wording of the action has: they have no effect."""
+    doubt: int = 0
+    """0 where all words are known, 2 where the first one is not, which mostly is the verb, and 1 for others."""
     reason: str = ""
     """Why the action cannot be done."""
     topic: str = ""
@@ -71,16 +70,20 @@ class ActionReader:
     ----------
     actions
         Actions that can be done; all of the catalogue by default.
+    head
+        File of the trained head; the shipped one by default.
 
     Raises
     ------
     ImportError
         The sentence encoder is missing.
+    FileNotFoundError
+        The head is missing.
     """
 
-    def __init__(self, actions: Collection[str] | None = None) -> None:
+    def __init__(self, actions: Collection[str] | None = None, *, head: Path = WEIGHTS) -> None:
         self.actions = frozenset(ACTION_CLAUSES if actions is None else actions)
-        self._encoder, self._head = CaptionEncoder(), _head()
+        self._encoder, self._head = CaptionEncoder(), _Head(head)
 
     def read(self, text: str) -> ActionReading:
         """Action of a sentence or of keywords about one person, without numbers and places as far as possible.
@@ -90,7 +93,7 @@ class ActionReader:
         ValueError
             The text has no words.
         """
-        said = clauses.plain(text)
+        said = sentence_features.respelled(clauses.plain(text), self._head.words)
         if not sentence_features.words(said):
             raise ValueError(f"text: {text!r} has no words; write an action, such as 'a person walks'")
         parts = clauses.split(said)
@@ -114,11 +117,13 @@ class ActionReader:
         order = [int(i) for i in np.argsort(-probabilities, kind="stable")]
         likely = [head.labels[i] for i in order]
         families = [label for label in likely if not label.startswith(REFUSED)]
-        options = actions_of(families[0], text)
-        near = [a for family in families for a in actions_of(family, text) if a in self.actions]
-        share = float(probabilities[head.labels.index(families[0])])
-        unknown = head.unknown(text, families[0])
-        limit = head.limits[1] if unknown else head.limits[0]
+        family, share = self._sure_of(families[0], probabilities)
+        options = actions_of(family, text)
+        near = list(dict.fromkeys(a for each in (family, *families) for a in actions_of(each, text)))
+        near = [action for action in near if action in self.actions]
+        unknown = head.unknown(text, family)
+        doubt = 0 if not unknown else 1 if sentence_features.content(text)[0] not in unknown else 2
+        limit = head.limits[doubt]
         reason = ""
         if likely[0].startswith(REFUSED):
             reason = f"it is about something else ({likely[0].removeprefix(REFUSED).replace('_', ' ')})"
@@ -134,16 +139,24 @@ class ActionReader:
             (near[0], near[1], near[2]),
             not reason,
             options,
-            side="" if families[0] in FAMILIES and len(options) == 1 else limb_side(text),
+            side="" if family in FAMILIES and len(options) == 1 else limb_side(text),
             unknown=unknown,
+            doubt=doubt,
             reason=reason,
             topic=likely[0].removeprefix(REFUSED) if likely[0].startswith(REFUSED) else "",
             against=float(sum(probabilities[i] for i in order if head.labels[i].startswith(REFUSED))),
         )
 
-    def _joined(
-        self, whole: ActionReading, parts: Sequence[ActionReading], said: clauses.Clauses
-    ) -> ActionReading:
+    def _sure_of(self, family: str, probabilities: NDArray[np.float32]) -> tuple[str, float]:
+        """The likeliest family and its probability, or those of what it is a kind of, where only that is clear."""
+        share = {each: float(p) for each, p in zip(self._head.labels, probabilities, strict=True)}
+        kind = KINDS.get(family, family)
+        together = share[kind] + sum(share[each] for each, of in KINDS.items() if of == kind)
+        if share[family] >= _SURE or family not in {*KINDS, *KINDS.values()}:
+            return family, share[family]
+        return (family, share[family]) if share[family] >= _CLEAR * together else (kind, together)
+
+    def _joined(self, whole: ActionReading, parts: Sequence[ActionReading], said: clauses.Clauses) -> ActionReading:
         """Reading of a sentence of several clauses."""
         named = [part for part in parts if part.possible]
         if not named:
@@ -195,10 +208,12 @@ class _Head:
             self._weights = stored["weights"].astype(np.float32)
             self._bias = stored["bias"].astype(np.float32)
         self.labels: list[str] = facts["labels"]
-        self.limits: tuple[float, float] = tuple(facts["limits"])
-        """Least probability of a reading: of sentences in known words, and of others."""
+        self.limits: tuple[float, ...] = tuple(facts["limits"])
+        """Least probability of a reading, by its doubt."""
         self._stems = {label: frozenset(stems) for label, stems in facts["stems"].items()}
         self._common = frozenset(facts["common"])
+        self.words = frozenset(facts["words"])
+        """Words of the training sentences."""
 
     def probabilities(self, vectors: NDArray[np.float32], texts: Sequence[str]) -> NDArray[np.float32]:
         """(text, label)."""
@@ -211,13 +226,4 @@ class _Head:
         known = self._stems[family] | self._common
         said = dict.fromkeys(sentence_features.content(text))
         stems = {word: sentence_features.stem(word) for word in said}
-        return tuple(
-            word
-            for word, stem in stems.items()
-            if stem not in known and not (len(stem) > 4 and get_close_matches(stem, known, n=1, cutoff=_ALIKE))
-        )
-
-
-@cache
-def _head() -> _Head:
-    return _Head(WEIGHTS)
+        return tuple(word for word, stem in stems.items() if stem not in known)

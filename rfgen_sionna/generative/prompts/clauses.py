@@ -1,5 +1,8 @@
 """Clauses of a sentence about actions: split, joined, and refused where they negate, ask or only consider."""
 
+# Tables of patterns read best with one phrase to a line.
+# ruff: noqa: E501
+
 from __future__ import annotations
 
 import re
@@ -10,22 +13,82 @@ from rfgen_sionna.generative.prompts import sentence_features
 from rfgen_sionna.generative.prompts.human_nouns import PERSON
 
 ARMS = frozenset(
-    """
-    arm_circles both_arms_raised both_arms_forward circle_clockwise circle_counterclockwise clap click drink
-    finger_swing left_arm_horizontal left_arm_raised phone point pull punch push right_arm_horizontal right_arm_raised
-    swing_arms swipe_left swipe_right t_pose type wave y_pose beckon salute arms_folded arms_on_hips hands_behind_back
-    hands_in_pockets boxing knock cough
-    """.split()
+    [
+        "arm_circles",
+        "both_arms_raised",
+        "both_arms_forward",
+        "circle_clockwise",
+        "circle_counterclockwise",
+        "clap",
+        "click",
+        "drink",
+        "finger_swing",
+        "left_arm_horizontal",
+        "left_arm_raised",
+        "phone",
+        "point",
+        "pull",
+        "punch",
+        "push",
+        "right_arm_horizontal",
+        "right_arm_raised",
+        "swing_arms",
+        "swipe_left",
+        "swipe_right",
+        "t_pose",
+        "type",
+        "wave",
+        "y_pose",
+        "beckon",
+        "salute",
+        "arms_folded",
+        "arms_on_hips",
+        "hands_behind_back",
+        "hands_in_pockets",
+        "boxing",
+        "knock",
+        "cough",
+    ]
 )
 """Actions of the arms, which go with those of `LEGS`."""
 LEGS = frozenset(
-    """
-    walk walk_straight walk_backwards walk_in_a_circle walk_to_and_fro walk_turn run run_backwards march march_in_place
-    jog_on_the_spot sidestep sit kneel jump hop skip limp sneak left_leg_raised right_leg_raised crouch lie
-    """.split()
+    [
+        "walk",
+        "walk_straight",
+        "walk_backwards",
+        "walk_in_a_circle",
+        "walk_to_and_fro",
+        "walk_turn",
+        "run",
+        "run_backwards",
+        "march",
+        "march_in_place",
+        "jog_on_the_spot",
+        "sidestep",
+        "sit",
+        "kneel",
+        "jump",
+        "hop",
+        "skip",
+        "limp",
+        "sneak",
+        "left_leg_raised",
+        "right_leg_raised",
+        "crouch",
+        "lie",
+    ]
 )
 """Actions and postures that leave the arms free."""
-LEG_VERBS = {"walk": "walk", "stroll": "walk", "run": "run", "jog": "run", "sit": "sit", "kneel": "kneel", "march": "march", "hop": "hop"}
+LEG_VERBS = {
+    "walk": "walk",
+    "stroll": "walk",
+    "run": "run",
+    "jog": "run",
+    "sit": "sit",
+    "kneel": "kneel",
+    "march": "march",
+    "hop": "hop",
+}
 """Stems of verbs of `LEGS`, which may stand beside an action of the arms without a joint: "sits drinking tea"."""
 _STAND, _FLOOR = {"standing", "stand_up"}, {"lie", "standing", "stand_up", "get_up"}
 _WALKS = {"walk", "walk_straight", "walk_backwards", "walk_turn", "walk_to_and_fro", "turn_around"}
@@ -42,6 +105,7 @@ _COVERED: dict[str, set[str]] = {
     "leap": {"run", "jump", "hop"},
     "jump_twist": {"jump", "turn_around"},
     "jump_forward": {"jump"},
+    "hop": {"jump", "left_leg_raised", "right_leg_raised"},
     "jump": {"crouch", "squat", "hop"},
     "walk_turn": _WALKS,
     "walk_to_and_fro": _WALKS,
@@ -90,8 +154,12 @@ _NEGATION = re.compile(
     r"\b(?:not|never|cannot|nobody|no one|none|neither|nor|nothing(?! but)|no longer|hardly|barely|refus(?:es|ed|ing)|avoid\w*|forbid\w*|forbidden|"
     r"prevent\w*|fail(?:s|ed|ing)? to|unable|instead of|except|rather than)\b|n't\b|\bwithout (?!moving|motion|getting|going|advancing|standing still|turning|stopping|pausing|a (?:break|pause|rest|stop)|rest|pause|leaving|hurry|falling|noise|making|any|lifting|bending|help|support|effort|shoes|end)"
 )
-_DOING_NOTHING = re.compile(r"(?:does|do|doing|is|are)(?: not|n't) (?:move|moving|do anything|doing anything|walk or)|not moving|does nothing|doing nothing|do nothing")
-_QUESTION = re.compile(r"\?\s*$|^(?:who|what|why|where|when|how|which|is|are|does|do|did|can|could|should|shall|will|would|has|have)\b(?! jumping| squats| push)")
+_DOING_NOTHING = re.compile(
+    r"(?:does|do|doing|is|are)(?: not|n't) (?:move|moving|do anything|doing anything|walk or)|not moving|does nothing|doing nothing|do nothing"
+)
+_QUESTION = re.compile(
+    r"\?\s*$|^(?:who|what|why|where|when|how|which|is|are|does|do|did|can|could|should|shall|will|would|has|have)\b(?! jumping| squats| push)"
+)
 _CONSIDERED = re.compile(
     r"\b(?:wants?|wish(?:es)?|hopes?|plans?|intends?|hesitates?|dreams?|thinks?|thinking|dreaming|imagines?|imagining|pretends?|forgets?|promises?|likes?|loves?|hates?|prefers?|"
     r"would like|used|afraid|about|able|ready|learns?|learning|tries|try|trying|tried|decides?|threatens?|wanted|hoping|planning|needs?|has|have) (?:to|of) (?!the\b|a\b|an\b)\w+"
@@ -105,7 +173,9 @@ _JOINT = re.compile(
     r"\s*(?:;|, and then\b|\band then\b|, then\b|\bthen\b|\bfollowed by\b|\bafterwards\b|\band afterwards\b|\bbefore (?=\w+ing\b)|\bafter (?=\w+ing\b)|\band also\b|\bwhile simultaneously\b|\band at the same time\b|\bat the same time\b"
     r"|\bwhile\b|\bwhilst\b|\band\b|\bas (?=he\b|she\b|they\b)|,)\s*"
 )
-_PARTNER = re.compile(r"^(?:(?:the|his|her|their|a|an|both) )?(?:left|right|down|up|forth|fro|back|forwards?|backwards?|again|over|round|around|legs?|knees?|arms?|hands?|feet|foot|elbows?|out|apart|together|off|in|stand|cross|hooks?|wide|still|straight)\b(?: (?:arm|hand|leg|foot|knee|again|repeatedly|side|fist|kick|hook|elbow)s?)*$")
+_PARTNER = re.compile(
+    r"^(?:(?:the|his|her|their|a|an|both) )?(?:left|right|down|up|forth|fro|back|forwards?|backwards?|again|over|round|around|legs?|knees?|arms?|hands?|feet|foot|elbows?|out|apart|together|off|in|stand|cross|hooks?|wide|still|straight)\b(?: (?:arm|hand|leg|foot|knee|again|repeatedly|side|fist|kick|hook|elbow)s?)*$"
+)
 
 _SUBJECT = re.compile(
     rf"^(?:(?:there (?:is|was) )?(?:(?:an?|the|this|that|one|some|every|each) )?(?:[a-z-]+ ){{0,2}}?{PERSON}(?:'s)?|he|she|they|i|you|we|somebody|someone|anybody|everybody)"
@@ -115,6 +185,10 @@ _POLITE = re.compile(r"\b(?:please|ok)\b,?|,? (?:once more|again please)$")
 _NUMBER = re.compile(
     r"\b(?:\d+(?:[.,]\d+)?|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|fifteen|twenty|thirty|fifty|hundred) (?=[a-z])"
 )
+
+_ONE_WAY = re.compile(r"\b(?:up|back|to|backwards?|forwards?|left|right|round|over|there|again)$")
+_OTHER_WAY = re.compile(r"(?:down|forth|fro|forwards?|backwards?|right|left|round|over|back|again)\b")
+"""Halves of "up and down"."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +225,9 @@ def split(text: str) -> Clauses:
     for match in _JOINT.finditer(text):
         left, right = text[start : match.start()].strip(), text[match.end() :].strip()
         following = _JOINT.split(right)[0] if right else ""
-        if match.group().strip() in ("and", ",") and _PARTNER.match(following):
+        if match.group().strip() in ("and", ",") and (
+            _PARTNER.match(following) or (_ONE_WAY.search(left) and _OTHER_WAY.match(following))
+        ):
             continue
         if sentence_features.words(left) and sentence_features.words(right):
             pieces.append(left)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cache
+from itertools import pairwise
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
+_SHORT = 5
+"""Letters of the shortest word whose spelling is corrected."""
 HASHED = 4096
 """Number of hashed features."""
 _WORD = re.compile(r"[a-z]+(?:'[a-z]+)?")
@@ -17,7 +20,8 @@ _IRREGULAR = {
     form: base
     for base, forms in {
         "be": "is are was were am been being", "bend": "bent", "bring": "brought", "catch": "caught", "come": "came",
-        "creep": "crept", "dive": "dove", "do": "does did done doing", "draw": "drew drawn", "drink": "drank drunk", "drive": "drove driven",
+        "creep": "crept", "dive": "dove", "do": "does did done doing", "draw": "drew drawn", "drink": "drank drunk",
+        "drive": "drove driven",
         "eat": "ate eaten", "fall": "fell fallen", "fly": "flew flown", "get": "got gotten", "give": "gave given",
         "go": "went goes gone", "have": "has had", "hold": "held", "keep": "kept", "kneel": "knelt", "leap": "leapt",
         "lie": "lying lay lain lies", "lose": "lost", "make": "made", "ride": "rode ridden", "rise": "rose risen",
@@ -33,18 +37,90 @@ _IRREGULAR = {
 _SPELLED = (("practise", "practice"), ("colour", "color"), ("neighbour", "neighbor"), ("centre", "center"),
             ("metre", "meter"), ("anticlockwise", "counterclockwise"), ("grey", "gray"))  # fmt: skip
 COMMON = frozenset(
-    """
-    a an the of to in on at by for with as from into onto over under up down out off and or while then that who which it
-    its he she they him her his their them one's i you my your our we me us this these those some is be am are person people human
-    someone somebody one man woman men women boy girl child kid there here again it's
-    """.split()
+    [
+        "a",
+        "an",
+        "the",
+        "of",
+        "to",
+        "in",
+        "on",
+        "at",
+        "by",
+        "for",
+        "with",
+        "as",
+        "from",
+        "into",
+        "onto",
+        "over",
+        "under",
+        "up",
+        "down",
+        "out",
+        "off",
+        "and",
+        "or",
+        "while",
+        "then",
+        "that",
+        "who",
+        "which",
+        "it",
+        "its",
+        "he",
+        "she",
+        "they",
+        "him",
+        "her",
+        "his",
+        "their",
+        "them",
+        "one's",
+        "i",
+        "you",
+        "my",
+        "your",
+        "our",
+        "we",
+        "me",
+        "us",
+        "this",
+        "these",
+        "those",
+        "some",
+        "is",
+        "be",
+        "am",
+        "are",
+        "person",
+        "people",
+        "human",
+        "someone",
+        "somebody",
+        "one",
+        "man",
+        "woman",
+        "men",
+        "women",
+        "boy",
+        "girl",
+        "child",
+        "kid",
+        "there",
+        "here",
+        "again",
+        "it's",
+    ]
 )
 
 
 def words(text: str) -> list[str]:
     """Words in small letters, in one spelling."""
     text = text.lower().replace("’", "'")
-    text = re.sub(r"\bcounter[- ]?clock ?wise", "counterclockwise", re.sub(r"\banti[- ]?clock ?wise", "anticlockwise", text))
+    text = re.sub(
+        r"\bcounter[- ]?clock ?wise", "counterclockwise", re.sub(r"\banti[- ]?clock ?wise", "anticlockwise", text)
+    )
     text = re.sub(r"\bt[- ]?(?=pos)", "tee ", re.sub(r"\by[- ]?(?=pos)", "why ", text))
     for british, american in _SPELLED:
         text = text.replace(british, american)
@@ -69,6 +145,24 @@ def stem(word: str) -> str:
     return word[:-1] if word.endswith("e") and len(word) > 3 else word
 
 
+def respelled(text: str, known: Collection[str]) -> str:
+    """The text with longer words that are not `known` made known: two letters exchanged, one lost or added."""
+
+    def corrected(match: re.Match[str]) -> str:
+        word = match.group()
+        if word in known or word.removesuffix("s") in known:
+            return word
+        halves = [(word[:place], word[place:]) for place in range(1, len(word) + 1)]
+        near = (
+            *(a + b[1] + b[0] + b[2:] for a, b in halves if len(b) > 1),
+            *(a + b[1:] for a, b in halves if b and len(word) > _SHORT),
+            *(a + letter + b for a, b in halves for letter in "abcdefghijklmnopqrstuvwxyz"),
+        )
+        return next((each for each in near if each in known), word)
+
+    return re.sub(rf"\b[a-z]{{{_SHORT},}}\b", corrected, text)
+
+
 def stems(text: str) -> list[str]:
     """Stems of all words, in their order."""
     return [stem(word) for word in words(text)]
@@ -83,8 +177,8 @@ def hashed(text: str) -> NDArray[np.int64]:
     """Indices (feature,) of stems and pairs of neighbouring stems, without common words; each index once."""
     said = [stem(word) for word in content(text)]
     every = stems(text)
-    pairs = [f"{a} {b}" for a, b in zip(every, every[1:], strict=False) if not {a, b} <= COMMON]
-    gaps = [f"{a} _ {b}" for a, b in zip(said, said[1:], strict=False)]
+    pairs = [f"{a} {b}" for a, b in pairwise(every) if not {a, b} <= COMMON]
+    gaps = [f"{a} _ {b}" for a, b in pairwise(said)]
     return np.unique([crc32(key.encode()) % HASHED for key in (*said, *pairs, *gaps)]).astype(np.int64)
 
 

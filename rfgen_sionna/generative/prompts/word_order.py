@@ -4,6 +4,9 @@ The action reader's head decides between families: "arm_raised" is the left or t
 words leave open gives all its actions.
 """
 
+# Tables of patterns read best with one phrase to a line.
+# ruff: noqa: E501
+
 from __future__ import annotations
 
 import re
@@ -39,6 +42,13 @@ FAMILIES = {
     "fall": ("fall", "fall_forward", "fall_backward", "fall_sideways", "fall_from_chair"),
 }
 """Family -> its actions."""
+KINDS = {
+    **dict.fromkeys(("walk_straight", "walk_to_and_fro", "walk_turn", "walk_in_a_circle"), "walk"),
+    **dict.fromkeys(("jump_forward", "jump_twist"), "jump"),
+    "sit_down_heavily": "sit_down",
+    "boxing": "punch",
+}
+"""Action -> the action that it is a kind of: whatever shows the first shows the second."""
 _PAIRS = {"arm_raised": "both_arms_raised", "arm_horizontal": "t_pose"}
 """Family of one arm -> action of both."""
 
@@ -50,10 +60,15 @@ def actions_of(family: str, text: str) -> tuple[str, ...]:
         family: output of the action reader's head.
         text: the sentence, in small letters.
     """
+    if family in ("sit", "lie") and re.search(rf"\b{family}s? down\b|\bsitting down\b", text):
+        return (f"{family}_down",)
     if family not in FAMILIES:
         return (family,)
     if family == "kick":
-        side = _only(_limbs(text, _LEG) or re.findall(r"\b(left|right)\b(?=[ -](?:kick|front kick|side kick|roundhouse)|$)", text))
+        side = _only(
+            _limbs(text, _LEG)
+            or re.findall(r"\b(left|right)\b(?=[ -](?:kick|front kick|side kick|roundhouse)|$)", text)
+        )
         return (f"{side}_kick",) if side else ("kick",)
     if family == "fall":
         ways = [action for action, pattern in _FALL_WAYS if re.search(pattern, text)]
