@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -144,7 +145,7 @@ def test_rows_give_the_motion_that_they_describe() -> None:
         (lambda: vary(replace(WALK, joint_names=WALK.joint_names[::-1]), ""), "joint_names"),
     ],
 )
-def test_what_cannot_be_varied_is_refused(call, message: str) -> None:
+def test_what_cannot_be_varied_is_refused(call: Callable[[], Motion], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         call()
 
