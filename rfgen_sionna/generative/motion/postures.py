@@ -26,7 +26,7 @@ def quiet(tracks: MotionTracks, rng: np.random.Generator, amount: float = 1.0) -
     tracks.turn += amount * wander(t, rng, 0.012) + np.clip(rng.normal(0.0, 0.04), -0.08, 0.08)
     tracks.yaw += amount * wander(t, rng, 0.006) + np.clip(rng.normal(0.0, 0.06), -0.15, 0.15)
     tracks.roll += np.clip(rng.normal(0.0, 0.02), -0.05, 0.05)
-    tracks.pitch += np.clip(rng.normal(0.0, 0.03), -0.06, 0.06)
+    tracks.pitch += np.clip(rng.normal(0.0, 0.04), -0.08, 0.08)
     tracks.pelvis[:, 2] -= np.clip(rng.normal(0.0, 0.012), 0.0, 0.03)
     tracks.nod += amount * wander(t, rng, 0.03) + np.clip(rng.normal(0.1, 0.12), -0.15, 0.4)
     tracks.look += amount * wander(t, rng, 0.05, 0.05, 0.4) + np.clip(rng.normal(0.0, 0.1), -0.25, 0.25)
@@ -50,8 +50,8 @@ def relaxed(tracks: MotionTracks, rng: np.random.Generator) -> None:
     As in the library's clips of idle people whose hands hang: elbows bent by 10 to 55 degrees, wrists 5 to 22 degrees
     from hanging.
     """
-    wide, ahead = rng.uniform(0.08, 0.22), rng.uniform(-0.05, 0.16)
-    bent = rng.gamma(4.0, 0.1)
+    wide, ahead = rng.uniform(0.08, 0.27), rng.uniform(-0.06, 0.22)
+    bent = rng.gamma(3.0, 0.16)
     for side in SIDES:
         tracks.arms[side].direction[:, 1] = wide + rng.uniform(-0.04, 0.04)
         tracks.arms[side].direction[:, 0] = ahead + rng.uniform(-0.04, 0.04)
