@@ -1,14 +1,10 @@
-"""Movements of arms and hands: gestures, waves, claps, strikes, throws."""
+"""Movements of the arms: waves, claps, strikes, throws, work with both hands."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.action_definitions.definition import (
     Definition,
     Requirements,
@@ -16,6 +12,8 @@ from rfgen_sionna.generative.action_definitions.definition import (
     at_most,
     defines,
     easiest,
+    either_side,
+    in_place,
 )
 from rfgen_sionna.generative.action_definitions.motion_signals import MotionSignals
 from rfgen_sionna.generative.action_definitions.sampled_series import (
@@ -24,150 +22,15 @@ from rfgen_sionna.generative.action_definitions.sampled_series import (
     period,
     rate_of,
     share,
-    smooth,
     stretches,
     swings,
     turning_points,
 )
 
 
-def _either(of: Callable[[MotionSignals, int], Requirements], s: MotionSignals) -> Requirements:
-    return easiest([of(s, 0), of(s, 1)])
-
-
-def _in_place(s: MotionSignals, most: float = 0.4) -> Requirements:
-    return [
-        at_least("share of time on the feet", share(s.legs > 0.85), 0.9),
-        at_most("distance of the pelvis from its median place [m]", s.roam, most),
-    ]
-
-
-def _strokes(values: FloatArray, size: float) -> tuple[float, float, int]:
-    """Median time of the moves up and of those down by `size` or more [s], and how many there are."""
-    points = turning_points(values, size)
-    moves = [(points[k + 1] - points[k], values[points[k + 1]] > values[points[k]]) for k in range(len(points) - 1)]
-    up = [n / RATE for n, rising in moves if rising]
-    down = [n / RATE for n, rising in moves if not rising]
-    return float(np.median(up)) if up else np.inf, float(np.median(down)) if down else np.inf, len(moves)
-
-
-def _fastest(values: FloatArray) -> tuple[float, float]:
-    """Fastest speed up and down of a place over 0.15 s, 90th percentile of the moving time's ends [1/s]."""
-    rate = smooth(np.gradient(values) * RATE, 0.1)
-    return float(np.percentile(rate, 97)), float(-np.percentile(rate, 3))
-
-
-def _swipe(sign: float, s: MotionSignals) -> Requirements:
-    def of(s: MotionSignals, side: int) -> Requirements:
-        across = sign * s.wrists[:, side, 1]
-        toward, back = _fastest(across)
-        height = s.wrists[:, side, 2]
-        return [
-            at_least("way of the hand across [m]", np.ptp(across), 0.25),
-            at_least("speed of the hand that way [m/s]", toward, 0.8),
-            at_least("that speed over the speed back", toward / max(back, 1e-9), 1.1),
-            at_least("highest hand from the shoulders [m]", height.max(), -0.35),
-            at_least("way across over the way up", np.ptp(across) / max(np.ptp(height), 1e-9), 1.0),
-            *_in_place(s),
-        ]
-
-    return _either(of, s)
-
-
-def _thrust(sign: float, s: MotionSignals) -> Requirements:
-    def of(s: MotionSignals, side: int) -> Requirements:
-        ahead = sign * s.wrists[:, side, 0]
-        toward, back = _fastest(ahead)
-        return [
-            at_least("way of the hand ahead and back [m]", np.ptp(ahead), 0.18),
-            at_least("speed of the hand that way [m/s]", toward, 0.6),
-            at_least("that speed over the speed back", toward / max(back, 1e-9), 1.1),
-            at_least("least place of the hand ahead of the shoulders [m]", s.wrists[:, side, 0].min(), -0.1),
-            at_least("way ahead over the way across", np.ptp(ahead) / max(np.ptp(s.wrists[:, side, 1]), 1e-9), 1.0),
-            at_least("lowest hand from the shoulders [m]", s.wrists[:, side, 2].min(), -0.5),
-            *_in_place(s),
-        ]
-
-    return _either(of, s)
-
-
-def _around(path: FloatArray) -> float:
-    """Turns that the velocity of a plane path (sample, 2) makes, counter-clockwise."""
-    velocity = smooth(np.gradient(path, axis=0) * RATE, 0.1)
-    fast = np.linalg.norm(velocity, axis=1) > 0.25
-    angle = np.unwrap(np.arctan2(velocity[fast, 1], velocity[fast, 0]))
-    return float((angle[-1] - angle[0]) / (2.0 * np.pi)) if len(angle) else 0.0
-
-
-def _circle(sign: float, s: MotionSignals) -> Requirements:
-    def of(s: MotionSignals, side: int) -> Requirements:
-        seen = np.stack([-s.wrists[:, side, 1], s.wrists[:, side, 2]], axis=-1)  # right and up, as the person sees it
-        return [
-            at_least("turns of the hand in that sense", sign * _around(seen), 0.8),
-            at_least("width of the path [m]", np.ptp(seen[:, 0]), 0.12),
-            at_least("height of the path [m]", np.ptp(seen[:, 1]), 0.12),
-            at_least("hand ahead of the shoulders [m]", np.median(s.wrists[:, side, 0]), 0.15),
-            *_in_place(s),
-        ]
-
-    return _either(of, s)
-
-
-def _held_up(s: MotionSignals, side: int) -> Requirements:
-    return [
-        at_least("median hand from the shoulders [m]", np.median(s.wrists[:, side, 2]), -0.4),
-        at_least("median hand ahead of the shoulders [m]", np.median(s.wrists[:, side, 0]), 0.12),
-        at_most("spread of the wrist about its mean place [m]", s.wrists[:, side].std(axis=0).max(), 0.06),
-        *_in_place(s, 0.2),
-    ]
-
-
-@defines(
-    "click",
-    "A hand held before the body; its index finger bends and stretches.",
-    "anything on bodies without fingers: those are refused",
-)
-def click(s: MotionSignals) -> Requirements:
-    if s.index_flexion is None:
-        return [at_least("joints of the index fingers", 0, 1)]
-    bends = s.index_flexion
-
-    def of(s: MotionSignals, side: int) -> Requirements:
-        return [
-            *_held_up(s, side),
-            at_least("moves of the index finger's knuckle by 20 degrees", swings(bends[:, side], 20.0), 2),
-        ]
-
-    return _either(of, s)
-
-
-@defines(
-    "finger_swing", "A hand held before the body swings from side to side in the wrist.", "which finger is stretched"
-)
-def finger_swing(s: MotionSignals) -> Requirements:
-    def of(s: MotionSignals, side: int) -> Requirements:
-        hand = s.orientations[f"{('left', 'right')[side]}_wrist"][:, :, 1]
-        yaw = np.degrees(np.unwrap(np.arctan2(hand[:, 1], hand[:, 0])))
-        tilt = np.degrees(np.arcsin(np.clip(hand[:, 0], -1.0, 1.0)))
-        return [
-            *_held_up(s, side),
-            at_least(
-                "swings of the hand by 10 degrees",
-                max(
-                    swings(yaw, 10.0),
-                    swings(tilt, 10.0),
-                    swings(np.degrees(np.arcsin(np.clip(hand[:, 1], -1, 1))), 10.0),
-                ),
-                3,
-            ),
-        ]
-
-    return _either(of, s)
-
-
 @defines("wave", "A raised forearm swings from side to side three times or more.")
 def wave(s: MotionSignals) -> Requirements:
-    def of(s: MotionSignals, side: int) -> Requirements:
+    def of(side: int) -> Requirements:
         up = (s.hands_over_shoulders[:, side] > -0.1) & (s.pair("wrist")[:, side, 2] > s.pair("elbow")[:, side, 2])
         hand = s.ahead(s.pair("wrist") - s.pair("elbow"))[:, side]
         runs = [slice(a, b) for a, b in stretches(up) if b - a > 4] or [slice(0, 0)]
@@ -184,10 +47,10 @@ def wave(s: MotionSignals) -> Requirements:
             at_most(
                 "median of the other hand over its shoulder [m]", np.median(s.hands_over_shoulders[:, 1 - side]), 0.1
             ),
-            at_most("longest flight [s]", max((b - a for a, b in s.flights), default=0) / RATE, 0.15),
+            at_most("longest flight [s]", s.longest_flight, 0.15),
         ]
 
-    return _either(of, s)
+    return either_side(of)
 
 
 @defines(
@@ -196,7 +59,7 @@ def wave(s: MotionSignals) -> Requirements:
     "whether another person holds the hand",
 )
 def shake_hands(s: MotionSignals) -> Requirements:
-    def of(s: MotionSignals, side: int) -> Requirements:
+    def of(side: int) -> Requirements:
         hand = s.wrists[:, side]
         out = (hand[:, 0] > 0.2) & (hand[:, 2] > -0.5) & (hand[:, 2] < 0.05) & (np.abs(hand[:, 1]) < 0.4)
         runs = [slice(a, b) for a, b in stretches(out)]
@@ -208,10 +71,10 @@ def shake_hands(s: MotionSignals) -> Requirements:
                 "median of the other hand over its shoulder [m]", np.median(s.hands_over_shoulders[:, 1 - side]), -0.2
             ),
             at_most("fastest hand against the shoulders [m/s]", s.wrist_speed[:, side].max(), 2.5),
-            *_in_place(s, 1),
+            *in_place(s, 1),
         ]
 
-    return _either(of, s)
+    return either_side(of)
 
 
 @defines("clap", "The hands meet before the body three times or more.")
@@ -297,7 +160,7 @@ def throw(s: MotionSignals) -> Requirements:
 
 @defines("arm_circles", "A nearly straight arm goes once round the shoulder.")
 def arm_circles(s: MotionSignals) -> Requirements:
-    def of(s: MotionSignals, side: int) -> Requirements:
+    def of(side: int) -> Requirements:
         hand = s.ahead(s.pair("wrist") - s.pair("shoulder"))[:, side]
         planes = [hand[:, [0, 2]], hand[:, [1, 2]]]
         turned = max(abs(np.ptp(np.unwrap(np.arctan2(each[:, 1], each[:, 0])))) / (2.0 * np.pi) for each in planes)
@@ -305,10 +168,10 @@ def arm_circles(s: MotionSignals) -> Requirements:
             at_least("turns of the hand around the shoulder", turned, 0.8),
             at_least("highest and lowest hand from the shoulder, apart [m]", np.ptp(hand[:, 2]), 0.6),
             at_most("median elbow flexion [degrees]", np.median(s.elbow_flexion[:, side]), 70.0),
-            *_in_place(s),
+            *in_place(s),
         ]
 
-    return _either(of, s)
+    return either_side(of)
 
 
 @defines("swing_arms", "Both arms swing to and fro in one place.")
@@ -323,7 +186,7 @@ def swing_arms(s: MotionSignals) -> Requirements:
             0.6,
         ),
         at_most("highest foot [m]", s.feet.max(), 0.25),
-        *_in_place(s, 0.6),
+        *in_place(s, 0.6),
     ]
 
 
@@ -356,7 +219,7 @@ def sweep(s: MotionSignals) -> Requirements:
     "wash_window", "A hand ahead and over the waist moves to and fro six times or more.", "whether there is a window"
 )
 def wash_window(s: MotionSignals) -> Requirements:
-    def of(s: MotionSignals, side: int) -> Requirements:
+    def of(side: int) -> Requirements:
         seen = np.stack([-s.wrists[:, side, 1], s.wrists[:, side, 2]], axis=-1)
         return [
             at_least(
@@ -370,35 +233,13 @@ def wash_window(s: MotionSignals) -> Requirements:
                 6,
             ),
             at_least("median speed of the hand [m/s]", np.median(s.wrist_speed[:, side]), 0.3),
-            *_in_place(s, 1),
+            *in_place(s, 1),
         ]
 
-    return _either(of, s)
+    return either_side(of)
 
 
 DEFINITIONS: tuple[Definition, ...] = (
-    Definition(
-        "swipe_left",
-        "A hand before the body goes to the person's left fast and comes back slower.",
-        partial(_swipe, 1.0),
-    ),
-    Definition(
-        "swipe_right",
-        "A hand before the body goes to the person's right fast and comes back slower.",
-        partial(_swipe, -1.0),
-    ),
-    Definition("push", "A hand goes ahead from the body faster than it comes back.", partial(_thrust, 1.0)),
-    Definition("pull", "A hand comes back to the body faster than it goes ahead.", partial(_thrust, -1.0)),
-    Definition(
-        "circle_clockwise", "A hand before the body goes round clockwise as the person sees it.", partial(_circle, -1.0)
-    ),
-    Definition(
-        "circle_counterclockwise",
-        "A hand before the body goes round counter-clockwise as the person sees it.",
-        partial(_circle, 1.0),
-    ),
-    click,
-    finger_swing,
     wave,
     shake_hands,
     clap,

@@ -8,7 +8,6 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.action_definitions.definition import Definition, Requirements, at_least, at_most, defines
 from rfgen_sionna.generative.action_definitions.motion_signals import STANDING, MotionSignals
 from rfgen_sionna.generative.action_definitions.sampled_series import (
-    RATE,
     Flags,
     longest,
     rate_of,
@@ -308,7 +307,7 @@ def lift(s: MotionSignals) -> Requirements:
         at_least("longest time with both hands over the shoulders [s]", longest(over), 0.3),
         at_most("lowest height of both wrists before [m]", before[over].min(initial=9.0), 1.2),
         at_least("share of time on the feet", share(s.legs > 0.5), 0.7),
-        at_most("longest flight [s]", max((b - a for a, b in s.flights), default=0) / RATE, 0.1),
+        at_most("longest flight [s]", s.longest_flight, 0.1),
     ]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
@@ -13,15 +11,11 @@ from rfgen_sionna.generative.action_definitions.definition import (
     at_least,
     at_most,
     defines,
-    easiest,
+    either_side,
 )
 from rfgen_sionna.generative.action_definitions.held_poses import hand_at_head, hanging, horizontal
 from rfgen_sionna.generative.action_definitions.motion_signals import MotionSignals
 from rfgen_sionna.generative.action_definitions.sampled_series import Flags, longest, share, swings
-
-
-def _of_either(of: Callable[[int], Requirements]) -> Requirements:
-    return easiest([of(0), of(1)])
 
 
 def _from_pelvis(s: MotionSignals) -> FloatArray:
@@ -87,7 +81,7 @@ def beckon(s: MotionSignals) -> Requirements:
             ),
         ]
 
-    return _of_either(of)
+    return either_side(of)
 
 
 @defines(
@@ -103,7 +97,7 @@ def salute(s: MotionSignals) -> Requirements:
         calm = (s.wrist_speed[:, side] < 0.9) & _low(s, 1 - side)
         return [at_least("longest time with a calm hand at the brow [s]", longest(up & outwards & calm), 0.4)]
 
-    return _of_either(of)
+    return either_side(of)
 
 
 @defines("wipe", "A hand ahead and under the chest moves from side to side three times or more.")
@@ -122,7 +116,7 @@ def wipe(s: MotionSignals) -> Requirements:
             at_most("distance of the pelvis from its median place [m]", s.roam, 0.75),
         ]
 
-    return _of_either(of)
+    return either_side(of)
 
 
 @defines("stir", "A hand before the waist goes round in small circles.", "whether there is a pot")
@@ -138,7 +132,7 @@ def stir(s: MotionSignals) -> Requirements:
             at_most("distance of the pelvis from its median place [m]", s.roam, 0.4),
         ]
 
-    return _of_either(of)
+    return either_side(of)
 
 
 def _at_the_head(s: MotionSignals, distance: float = 0.33) -> Flags:
@@ -158,7 +152,7 @@ def brush_teeth(s: MotionSignals) -> Requirements:
             at_most("spread of the hand [m]", float(hand[there].std(axis=0).max()) if there.any() else 1.0, 0.06),
         ]
 
-    return _of_either(of)
+    return either_side(of)
 
 
 @defines("comb", "A hand over the head goes back over it, twice or more, the other one low.")
@@ -171,7 +165,7 @@ def comb(s: MotionSignals) -> Requirements:
             at_least("moves of it ahead and back by 6 cm", swings(hand[there, 0], 0.06) if there.any() else 0, 2),
         ]
 
-    return _of_either(of)
+    return either_side(of)
 
 
 @defines("cough", "A hand at the mouth while the trunk jerks forward, twice or more.", "whether it is a sneeze")
@@ -185,7 +179,7 @@ def cough(s: MotionSignals) -> Requirements:
             at_most("highest inclination of the trunk [degrees]", s.inclination.max(), 60.0),
         ]
 
-    return _of_either(of)
+    return either_side(of)
 
 
 @defines("knock", "A bent arm's hand ahead strikes forward by little, three times within 0.4 s of one another.")
@@ -200,7 +194,7 @@ def knock(s: MotionSignals) -> Requirements:
             at_most("spread of the hand across [m]", float(hand[there, 1].std()) if there.any() else 1.0, 0.06),
         ]
 
-    return _of_either(of)
+    return either_side(of)
 
 
 DEFINITIONS = tuple(each for each in list(globals().values()) if isinstance(each, Definition))

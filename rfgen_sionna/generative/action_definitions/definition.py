@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rfgen_sionna.generative.action_definitions.motion_signals import MotionSignals
+from rfgen_sionna.generative.action_definitions.sampled_series import share
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,19 @@ def at_most(quantity: str, value: float, bound: float) -> Requirement:
 def easiest(alternatives: Sequence[Requirements]) -> Requirements:
     """The alternative that holds, or the one with the fewest requirements that fail."""
     return min(alternatives, key=lambda each: sum(not one.holds for one in each))
+
+
+def in_place(signals: MotionSignals, most: float = 0.4) -> Requirements:
+    """On the feet, within `most` [m] of one place."""
+    return [
+        at_least("share of time on the feet", share(signals.legs > 0.85), 0.9),
+        at_most("distance of the pelvis from its median place [m]", signals.roam, most),
+    ]
+
+
+def either_side(of: Callable[[int], Requirements]) -> Requirements:
+    """The easier one of the requirements of the left (0) and of the right (1) side."""
+    return easiest([of(0), of(1)])
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from rfgen_sionna.generative.action_definitions.definition import (
     at_least,
     at_most,
     defines,
-    easiest,
+    either_side,
 )
 from rfgen_sionna.generative.action_definitions.motion_signals import MotionSignals
 from rfgen_sionna.generative.action_definitions.sampled_series import Flags, longest, share, swings
@@ -102,7 +102,7 @@ def hand_at_head(s: MotionSignals, distance: float = 0.33) -> Flags:
 def _calm_hand_at_head(s: MotionSignals) -> Flags:
     """(sample, 2) whether a slow hand is at the head, trunk up, the other hand lower than the shoulders"""
     other = s.hands_over_shoulders[:, ::-1] < -0.08
-    still = np.all((s.ankle_speed < 1.0) & (s.thigh_elevation < 110.0), axis=1) & (s.inclination < 45.0)
+    still = np.all((s.ankle_speed < 4.0) & (s.thigh_elevation < 110.0), axis=1) & (s.inclination < 45.0)
     calm = (s.wrist_speed < 0.9) & still[:, None]
     return hand_at_head(s) & other & calm
 
@@ -162,7 +162,7 @@ def reach(s: MotionSignals) -> Requirements:
             at_most("highest thigh then [degrees]", s.thigh_elevation[at].max(), 50.0),
         ]
 
-    return easiest([of(0), of(1)])
+    return either_side(of)
 
 
 @defines(

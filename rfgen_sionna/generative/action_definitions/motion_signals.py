@@ -313,6 +313,11 @@ class MotionSignals:
             and self.fall_of_mass[a:b].max() > 5.5
         ]
 
+    @property
+    def longest_flight(self) -> float:
+        """[s]"""
+        return max((b - a for a, b in self.flights), default=0) / RATE
+
     @cached_property
     def steps(self) -> list[tuple[int, int, int]]:
         """(first sample, end, foot) of every swing of a foot that ends at least 0.12 m away, in the order of ends"""
