@@ -62,10 +62,10 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 BAD: list[tuple[dict[str, Any], tuple[str, ...]]] = [
-    ({"prompt": "a flying saucer"}, ("flying saucer", "a person", "jumping jacks")),
-    ({"prompt": "a person"}, ("action", "a person", "jumping jacks")),
+    ({"prompt": "a flying saucer"}, ("a flying saucer", "cannot be done", "the nearest", "a person")),
+    ({"prompt": "a person"}, ("action", "a person", "say what the person does")),
     ({"prompt": "an elephant walking"}, ("'elephant'", "a person")),
-    ({"prompt": ""}, ("''", "known")),
+    ({"prompt": ""}, ("''", "say what the person does")),
     ({"prompt": "a person not jumping"}, ("negative prompt",)),
     ({"negative": "pushing"}, ("pushing", "forbids")),
     ({"environment": "the moon"}, ("environment", "'the moon'", "free space", "living_room")),
@@ -384,30 +384,24 @@ def test_the_report_is_told_before_the_frames_and_kept_in_the_file(
         ("floor", r"0\.00 m", "no surface there, so height 0"),
     ):
         assert re.search(rf"^  {name} +(?:{value}) +{origin}$", said[0], re.MULTILINE), (name, said[0])
-    assert "not understood, no effect: hat" in said[0]
-    assert caplog.text.count("'hat'") == 1
+    assert "not understood, no effect: wearing a hat" in said[0]
+    assert caplog.text.count("'wearing a hat'") == 1
 
 
 @pytest.mark.parametrize(
     ("prompt", "action", "told"),
     [
         ("a person walks while raising the left arm", "walk", r"arms +left_arm_raised: .* from the prompt"),
-        ("a person dances", "dance_modern", r"action +dance_modern: .* from the prompt"),
-        ("a person rides a unicycle", "t_pose", r"action +t_pose: .* the nearest that is known"),
+        ("a person dances at 3 to 4 m", "dance", r"distance +3\.\d+ m +drawn from 3 to 4 m \(seed 2\)"),
+        ("the driver sits, tired", "sit", r"tired +yes +from the prompt"),
     ],
 )
-def test_sentences_reach_the_learned_motion(
-    quick: dict[str, Any], caplog: pytest.LogCaptureFixture, prompt: str, action: str, told: str
-) -> None:
-    pytest.importorskip("diffusers", reason="the learned source needs it")
-    options = quick | {"motion": "diffusion", "duration": 0.05, "distance": 4.0}
+def test_clips_and_manner_reach_a_run(quick: dict[str, Any], prompt: str, action: str, told: str) -> None:
+    options = quick | {"motion": "auto", "duration": 0.05, "distance": 4.0}
     with rfgen.generate(prompt, output="run.h5", seed=2, **options) as run:
         assert run.labels["action"].values[0, 0] == action
-        assert run.labels["distance"].values[0, 0] == pytest.approx(4.0, abs=1.5)
         assert run.prompt == prompt
         assert re.search(told, run.report)
-    nearest = "the nearest that is known" in told
-    assert caplog.text.count(f"taken for the nearest action that is known, '{action}'") == nearest
 
 
 @pytest.mark.slow

@@ -325,8 +325,8 @@ def _read_target(said: PersonWords) -> None:
             return
         if not is_human(subject["noun"]):
             raise PromptError(
-                f"target: {subject['noun']!r} is no person, animal or thing that is known; known are people, by any "
-                "noun, and the animals and things that rfgen things lists"
+                f"target: {subject['noun']!r} is no person, animal or thing that is known; known are a person, by "
+                "any noun, and the animals and things that rfgen things lists"
             )
         first = subject
     who = first.groupdict().get("who") or first["noun"]
