@@ -11,7 +11,7 @@ from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.clip_editing import at_pace, cut, mirrored
 from rfgen_sionna.generative.motion_library import LibraryClip, MotionLibrary
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.repertoire import JUMPS, ONCE, SIDED, WAYS, Window, windows
+from rfgen_sionna.generative.repertoire import LEAPS, ONCE, SIDED, WAYS, Window, windows
 from rfgen_sionna.records import Motion
 
 RATE = 20.0
@@ -65,7 +65,7 @@ def choose(
         # the action must end within the time
         short = [each for each in options if (each.stop - each.start) / RATE <= duration * PACES[1]]
         options = short or [min(options, key=lambda each: each.stop - each.start)]
-    if action not in WAYS | JUMPS:
+    if action not in WAYS | LEAPS:
         options = [each for each in options if each.speed * duration < ROOM] or sorted(
             options, key=lambda each: each.speed
         )[: max(3, len(options) // 4)]

@@ -15,7 +15,7 @@ from rfgen_sionna.generative.motion.clip_editing import flights, scaled
 from rfgen_sionna.generative.motion.floor_ways import Stops, along, floor_way, gait_period, own_speed, own_way
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.repertoire import HELD, JUMPS, ONCE, OWN_PATHS, WAYS, windows
+from rfgen_sionna.generative.repertoire import HELD, JUMPS, LEAPS, ONCE, OWN_PATHS, WAYS, windows
 from rfgen_sionna.records import Motion
 
 _UNEVEN = 0.05
@@ -119,7 +119,7 @@ def way_of(action: str, manner: Manner, length: float) -> str | None:
         length: of the clip's way in the time [m]; a longer one than a room allows goes round.
     """
     if action not in WAYS:
-        return "circle" if action in JUMPS and length > ROOM else None
+        return "circle" if action in LEAPS and length > ROOM else None
     own = OWN_PATHS.get(action)
     if action == "walk_turn":
         return manner.path

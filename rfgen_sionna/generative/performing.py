@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSignals, Verdict, check
 from rfgen_sionna.generative.library_source import draft
 from rfgen_sionna.generative.manner import Manner
@@ -34,11 +35,20 @@ _POSED = 1.5
 """Time after which a posture of the arms no longer changes [s]."""
 _STOOP = float(np.radians(14.0))
 """Bend of the trunk of who is tired [rad]."""
+_LOW, _SLOW = 0.035, 0.35
+"""Height over the floor [m] and speed [m/s] under which a foot stands."""
 _MOVES = 0.5
 """Speed from which a foot is not planted [m/s]."""
-EXACT = frozenset({"t_pose", "sit_up", "push_up"})
-"""Actions whose rules are more exact than their clips."""
-FEW_CLIPS = frozenset({"sit", "sit_down", "stand_up", "sit_and_stand", "lie"})
+EXACT = frozenset(
+    {
+        "t_pose", "sit_up", "push_up", "wave", "clap", "phone", "type", "boxing", "stretch", "point", "wash_window",
+        "nod", "shake_head", "both_arms_forward", "left_arm_horizontal", "right_arm_horizontal", "arms_folded",
+        "arms_on_hips", "hands_behind_back", "hands_in_pockets", "salute", "beckon", "wipe", "brush_teeth", "comb",
+        "cough", "knock", "stir",
+    }
+)  # fmt: skip
+"""Actions whose rules are more exact than their clips, or whose clips are of fewer than three people."""
+FEW_CLIPS = frozenset({"sit", "sit_down", "stand_up", "sit_and_stand", "lie", "drink", "throw", "swing_arms"})
 """Actions of a handful of clips: of every other seed or so, rules come first."""
 
 
@@ -225,19 +235,36 @@ def _from_clips(action: str, duration: float, seed: int, body: Skeleton, manner:
     motion = resample_motion(motion, FRAME_RATE)
     if action in OFF_THE_FLOOR:
         return with_fingers(motion, body)
-    return with_fingers(with_still_contacts(keep_body_above_floor(lock_feet(motion, body))), body)
+    return with_fingers(
+        with_still_contacts(keep_body_above_floor(lock_feet(with_standing_contacts(motion, body), body))), body
+    )
+
+
+def _foot_speeds(motion: Motion, places: FloatArray) -> FloatArray:
+    """(frame, side) speed over the floor of the stiller of ankle and toes [m/s]."""
+    speeds = [
+        np.linalg.norm(np.gradient(places[:, [JOINT[f"{side}_{name}"] for side in SIDES], :2], axis=0), axis=-1)
+        for name in ("ankle", "foot")
+    ]
+    return np.minimum(*speeds) * motion.frame_rate
+
+
+def with_standing_contacts(motion: Motion, body: Skeleton) -> Motion:
+    """The motion with contacts of all feet that stand: low and slow ones, too, which the clips' own labels miss."""
+    places = joint_places(motion)
+    low = np.minimum(
+        *(places[:, [JOINT[f"{side}_{name}"] for side in SIDES], 2] - height
+          for name, height in (("ankle", body.ankle_height), ("foot", body.toe_height)))
+    )  # fmt: skip
+    standing = (low < _LOW) & (_foot_speeds(motion, places) < _SLOW)
+    return replace(motion, contacts=standing if motion.contacts is None else motion.contacts | standing)
 
 
 def with_still_contacts(motion: Motion) -> Motion:
     """The motion without contacts of feet that move."""
     if motion.contacts is None:
         return motion
-    places = joint_places(motion)
-    speeds = [
-        np.linalg.norm(np.gradient(places[:, [JOINT[f"{side}_{name}"] for side in SIDES], :2], axis=0), axis=-1)
-        for name in ("ankle", "foot")
-    ]
-    return replace(motion, contacts=motion.contacts & (np.minimum(*speeds) * motion.frame_rate < _MOVES))
+    return replace(motion, contacts=motion.contacts & (_foot_speeds(motion, joint_places(motion)) < _MOVES))
 
 
 def on_skeleton(motion: Motion, skeleton: Skeleton) -> Motion:

@@ -73,7 +73,9 @@ HELD = frozenset({"standing", "sit", "lie", "t_pose", "phone", "type", "drink"})
 """Actions that are held."""
 OFF_THE_FLOOR = frozenset({"climb_stairs", "climb_ladder", "handstand", "cartwheel", "flip"})
 """Actions whose feet and pelvis are not set on the floor z = 0."""
-JUMPS = frozenset({"jump", "jump_forward", "jump_twist", "hop", "leap", "skip"})
+LEAPS = frozenset({"jump", "jump_forward", "hop", "leap", "skip"})
+"""Jumps that may lead over the floor."""
+JUMPS = LEAPS | {"jump_twist"}
 """Actions that leave the floor; their height grows with their size."""
 SIDED = frozenset(
     {

@@ -36,8 +36,10 @@ _STRAIGHT = 0.992
 """Share of the leg's length to which it is stretched for a foot's place; the knee pops in straighter ones."""
 _CLEAR = 0.018
 """Clearance of a swinging foot at mid-swing [m]."""
-_RELEASE = 0.07
-"""Half the time in which a planted foot is placed anew [s]."""
+_RELEASE = 0.1
+"""Half the time of a step of a planted foot that drifts [s]."""
+_STEP = 0.04
+"""Height of that step [m]."""
 _FURTHEST = 0.12
 """Largest shift of a planted foot [m]; a longer drift is split."""
 
@@ -71,10 +73,12 @@ def lock_feet(motion: Motion, skeleton: Skeleton = MEAN_ADULT) -> Motion:
         if contacts is not None:
             heel = places[:, ankle] + world[:, ankle] @ skeleton.heel[i]
             rolling = places[:, toe, 2] - skeleton.toe_height > heel[:, 2] + _ROLLING
-            held, offset = _hold(places[:, toe], heel, rolling, contacts[:, i], motion.frame_rate)
+            held, offset, stepping = _hold(places[:, toe], heel, rolling, contacts[:, i], motion.frame_rate)
+            contacts[:, i] &= ~stepping
             offset[held, 2] = -low[held, i]
             shift = _between(held, offset)
             least = _swing_height(~contacts[:, i], motion.frame_rate)
+            least = np.maximum(least, _STEP / _CLEAR * _swing_height(stepping, motion.frame_rate))
         shift[:, 2] = np.maximum(shift[:, 2], least - low[:, i])
         lengths = skeleton.length(f"{side}_knee"), skeleton.length(f"{side}_ankle")
         start, end = places[:, hip], places[:, ankle]
@@ -130,12 +134,12 @@ def _swing_height(swinging: NDArray[np.bool_], rate: float) -> FloatArray:
 
 def _hold(
     toe: FloatArray, heel: FloatArray, rolling: NDArray[np.bool_], down: NDArray[np.bool_], rate: float
-) -> tuple[NDArray[np.bool_], FloatArray]:
-    """(frame,) held frames, and their (frame, 3) shift.
+) -> tuple[NDArray[np.bool_], FloatArray, NDArray[np.bool_]]:
+    """(frame,) held frames, their (frame, 3) shift, and (frame,) frames of steps of feet that drift too far.
 
     A foot that lands on its heel (`rolling`) keeps the heel where it is as the toes land; then the toes stay.
     """
-    held = np.zeros(len(toe), bool)
+    held, stepping = np.zeros(len(toe), bool), np.zeros(len(toe), bool)
     offset = np.zeros_like(toe)
     release = max(1, round(_RELEASE * rate))
     for first, last in runs(down):
@@ -151,14 +155,15 @@ def _hold(
             if drift > _FURTHEST or stop == last:
                 offset[start:stop, :2] = spot - toe[start:stop, :2]
                 if stop < last:
-                    held[stop - release : stop + release] = False
+                    step = slice(max(first, stop - release), min(last, stop + release))
+                    held[step], stepping[step] = False, True
                 start = stop
         if landed > first:
             spot = heel[landed, :2] + offset[landed, :2] if landed < last else heel[first:last, :2].mean(axis=0)
             shift = spot - heel[first:landed, :2]
             far = np.maximum(np.linalg.norm(shift, axis=-1, keepdims=True) / _FURTHEST, 1.0)
             offset[first:landed, :2] = shift / far
-    return held, offset
+    return held, offset, stepping
 
 
 def _between(held: NDArray[np.bool_], offset: FloatArray) -> FloatArray:
