@@ -165,11 +165,17 @@ class ActionReader:
         for part in parts:
             if not (sure or part.possible or part.topic in _QUIET) and part.against > _SURE:
                 return replace(whole, possible=False, reason=f"{part.text!r} cannot be done")
-        actions = list(dict.fromkeys(part.action for part in named if part.action != "standing"))
+        several: list[ActionReading] = []
+        for part in named:
+            if part.action != "standing" and not any(set(part.options) & set(each.options) for each in several):
+                several.append(part)
+        actions = [part.action for part in several]
         if len(actions) < 2 or clauses.covers(whole.action, actions):
-            return whole if whole.possible or not named else self._single(whole, named)
-        legs = [part for part in named if part.action in clauses.LEGS]
-        arms = [part for part in named if part.action in clauses.ARMS]
+            agrees = not several or set(whole.options) & set(several[0].options)
+            agrees = agrees or clauses.covers(whole.action, actions)
+            return whole if whole.possible and agrees else self._single(whole, named)
+        legs = [part for part in several if part.action in clauses.LEGS]
+        arms = [part for part in several if part.action in clauses.ARMS]
         if not said.sequence and len(actions) == 2 and len(legs) == len(arms) == 1:
             return replace(
                 legs[0],
@@ -178,8 +184,9 @@ class ActionReader:
                 side=legs[0].side or arms[0].side,
                 unknown=(*legs[0].unknown, *arms[0].unknown),
             )
-        several = " and ".join(repr(action) for action in actions)
-        return replace(whole, possible=False, reason=f"it names several actions ({several}); ask for one at a time")
+        named_actions = " and ".join(repr(action) for action in actions)
+        reason = f"it names several actions ({named_actions}); ask for one at a time"
+        return replace(whole, possible=False, reason=reason)
 
     def _single(self, whole: ActionReading, named: Sequence[ActionReading]) -> ActionReading:
         """Reading by the one clause that names an action; the words of the others have no effect."""
@@ -223,7 +230,7 @@ class _Head:
 
     def unknown(self, text: str, family: str) -> tuple[str, ...]:
         """Words that no wording of the family has."""
-        known = self._stems[family] | self._common
+        known = self._stems[family] | self._common | {"stand"}
         said = dict.fromkeys(sentence_features.content(text))
         stems = {word: sentence_features.stem(word) for word in said}
         return tuple(word for word, stem in stems.items() if stem not in known)

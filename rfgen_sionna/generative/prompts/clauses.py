@@ -186,6 +186,12 @@ _NUMBER = re.compile(
     r"\b(?:\d+(?:[.,]\d+)?|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|fifteen|twenty|thirty|fifty|hundred) (?=[a-z])"
 )
 
+_PARTICIPLE = re.compile(
+    r"\b((?:sits?|sitting|walks?|walking|stands?|standing|runs?|running|kneels?|kneeling|lies|lying)"
+    r"(?: (?:at|on|in|by|there|around|along|about|still|quietly|the|a|an|his|her|their|table|desk|chair|sofa|couch|room|bed|floor|stool|window)\b)*)"
+    r" (?!(?:sitting|standing|walking|running|lying|moving|doing|facing|waiting|going|wearing|being|turning|stopping|starting|morning|evening|ceiling|building|living|dining|meeting|waiting)\b)([a-z]+ing\b)"
+)
+"""A posture or a gait, and a participle beside it: "sits drinking tea"."""
 _ONE_WAY = re.compile(r"\b(?:up|back|to|backwards?|forwards?|left|right|round|over|there|again)$")
 _OTHER_WAY = re.compile(r"(?:down|forth|fro|forwards?|backwards?|right|left|round|over|back|again)\b")
 """Halves of "up and down"."""
@@ -220,6 +226,7 @@ def refusal(text: str) -> str:
 
 def split(text: str) -> Clauses:
     """Clauses at "and", "while", "then" and commas; pairs such as "left and right" stay together."""
+    text = _PARTICIPLE.sub(r"\1 while \2", text)
     pieces: list[str] = []
     start = 0
     for match in _JOINT.finditer(text):
