@@ -41,7 +41,7 @@ def arms_on_hips(s: MotionSignals) -> Requirements:
 
 
 @defines("arms_folded", "Each hand at the other arm, across the chest, elbows bent.")
-def arms_folded(s: MotionSignals) -> Requirements:
+def crossed_arms(s: MotionSignals) -> Requirements:
     across = s.wrists[..., 1] * np.array([1.0, -1.0])  # outwards
     there = (across < 0.02) & (s.wrists[..., 0] > 0.08) & (s.wrists[..., 2] > -0.4) & (s.wrists[..., 2] < 0.0)
     return _held(there & (s.elbow_flexion > 60.0))

@@ -27,7 +27,7 @@ def _upright_before(s: MotionSignals, when: int) -> Requirements:
     "and head under 0.35 m at the end.",
     "whether the person is conscious: a fall on bent knees looks alike",
 )
-def faint(s: MotionSignals) -> Requirements:
+def syncope(s: MotionSignals) -> Requirements:
     when, speed = fastest_descent(s)
     sinking = (s.pelvis_height < 0.85 * STANDING) & (s.pelvis_height > 0.35)
     return [
@@ -110,5 +110,5 @@ def sit_down_heavily(s: MotionSignals) -> Requirements:
     ]
 
 
-DEFINITIONS: tuple[Definition, ...] = (faint, slip, stumble, sit_down_heavily)
+DEFINITIONS: tuple[Definition, ...] = (syncope, slip, stumble, sit_down_heavily)
 """Actions of this module."""
