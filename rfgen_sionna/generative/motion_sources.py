@@ -16,6 +16,8 @@ from rfgen_sionna.records import Motion
 
 SOURCES = ("kinematic", "diffusion", "auto")
 """Names of motion sources."""
+_BY_RULES = {"walk_to_and_fro": "walk"}
+"""Actions that rules do under another name."""
 
 
 def motion_source(name: str) -> MotionSource:
@@ -55,10 +57,21 @@ def check_source(said: ScenePrompt, duration: float, source: MotionSource) -> No
     """
     if not (np.isfinite(duration) and duration > 0.0):
         raise ValueError(f"duration: {duration!r} s; allowed is more than 0")
-    if isinstance(source, KinematicSource) and (said.action not in ACTIONS or said.arms):
-        done = said.action if said.action not in ACTIONS else f"{said.action} with {said.arms}"
+    if not isinstance(source, KinematicSource):
+        return
+    action, manner = _BY_RULES.get(said.action, said.action), said.manner
+    path = "straight" if action == "walk_straight" else "to_and_fro" if action == "walk" else None
+    done = (
+        repr(action) if action not in ACTIONS
+        else f"{action!r} with the arms of {said.arms!r}" if said.arms
+        else f"{action!r} with arms held {manner.arm_posture!r}" if manner.arm_posture
+        else f"{action!r} with pauses" if manner.pauses
+        else f"{action!r} along the path {manner.path!r}" if manner.path not in (None, path)
+        else ""
+    )  # fmt: skip
+    if done:
         raise PromptError(
-            f"motion: 'kinematic', the rules of movement alone, cannot do {done!r}; motion 'auto' takes captured "
+            f"motion: 'kinematic', the rules of movement alone, cannot do {done}; motion 'auto' takes captured "
             "clips, too"
         )
 
@@ -74,4 +87,6 @@ def performed_motion(said: ScenePrompt, duration: float, seed: int, skeleton: Sk
         more["manner"] = said.manner
     if said.arms:
         more["arms"] = said.arms
-    return source(said.action, duration, seed, skeleton=skeleton, hand=said.hand, speed=said.speed or 1.0, **more)
+    action = _BY_RULES.get(said.action, said.action) if isinstance(source, KinematicSource) else said.action
+    motion = source(action, duration, seed, skeleton=skeleton, hand=said.hand, speed=said.speed or 1.0, **more)
+    return replace(motion, action=said.action)

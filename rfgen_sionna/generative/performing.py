@@ -11,12 +11,13 @@ import numpy as np
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSignals, Verdict, check
-from rfgen_sionna.generative.library_source import draft
+from rfgen_sionna.generative.library_source import draft, way_of
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion import ACTIONS, MEAN_ADULT, KinematicSource, Skeleton
 from rfgen_sionna.generative.motion.arm_overlay import standing_still, stooped, with_arms, with_fingers
 from rfgen_sionna.generative.motion.clip_editing import joint_places, placed
 from rfgen_sionna.generative.motion.floor_contact import keep_body_above_floor
+from rfgen_sionna.generative.motion.floor_ways import Stops, along, floor_way, gait_period, own_speed
 from rfgen_sionna.generative.motion.foot_lock import lock_feet
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.motion.resampling import resample_motion
@@ -31,6 +32,8 @@ FRAME_RATE = 60.0
 """Poses per second of a varied motion of clips [Hz]."""
 SHORTEST = 1.0
 """Length from which motions are checked [s]: shorter ones hold no whole action."""
+_OWN_WAYS = {"walk": "to_and_fro", "walk_straight": "straight"}
+"""Ways of gaits by rules; others go straight."""
 _POSED = 1.5
 """Time after which a posture of the arms no longer changes [s]."""
 _STOOP = float(np.radians(14.0))
@@ -188,7 +191,7 @@ def trials(
             one = seed if attempt == 0 else int(np.random.SeedSequence([seed, attempt]).generate_state(1)[0])
             try:
                 if source == "rules":
-                    motion = KinematicSource()(action, duration, one, skeleton=skeleton, manner=own)
+                    motion = _by_rules(action, duration, one, skeleton, own)
                 else:
                     motion = _from_clips(action, duration, one, skeleton, own, strength)
             except ValueError as error:  # what clips cannot do rules may
@@ -201,6 +204,22 @@ def trials(
             yield motion, _verdict(motion, action, duration, over_legs, skeleton)
     if refused is not None:
         raise PromptError(str(refused)) from refused
+
+
+def _by_rules(action: str, duration: float, seed: int, skeleton: Skeleton, manner: Manner) -> Motion:
+    """A motion by rules; gaits along the way that is asked for."""
+    source = KinematicSource()
+    path = way_of(action, manner, np.inf) if action in WAYS else None
+    if path is None or (action in _OWN_WAYS and not manner.pauses and path == _OWN_WAYS[action]):
+        return source(action, duration, seed, skeleton=skeleton, manner=manner)
+    straight = "walk_straight" if action == "walk" else action
+    gait = replace(source, frame_rate=FRAME_RATE)(straight, duration + 0.5, seed, skeleton=skeleton, manner=manner)
+    rng = np.random.default_rng([seed, *action.encode()])
+    speed = own_speed(gait)
+    stops = Stops.drawn(int(np.ceil(duration * FRAME_RATE - 1e-9)) + 1, FRAME_RATE, rng, manner.pauses)
+    way = floor_way(path, duration, speed, gait_period(gait), rng)
+    gone = lock_feet(along(gait, way, speed, 1.0, stops), skeleton)
+    return replace(with_still_contacts(gone), action=action)
 
 
 def _verdict(motion: Motion, action: str, duration: float, arms: str, skeleton: Skeleton) -> Verdict:

@@ -230,6 +230,6 @@ def _course(motion: Motion) -> FloatArray:
     direction = np.arctan2(step[:, 1], step[:, 0])
     # the angle between way and heading changes slowly: sideways and backwards stay so
     offset = np.exp(1j * (direction - facing)) * np.linalg.norm(step, axis=1)
-    smooth = gaussian_filter1d(offset, 20.0, mode="nearest")
+    smooth = gaussian_filter1d(offset, 1.0 * motion.frame_rate, mode="nearest")
     slow = gaussian_filter1d(facing, 0.5 * _STEP * motion.frame_rate, mode="nearest")
     return np.asarray(slow + np.unwrap(np.angle(smooth)), np.float64)
