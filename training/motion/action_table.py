@@ -21,9 +21,9 @@ _PERFORMED = (
     "over joints of two seeds as they are aligned in time, and over that of clips of different people where five "
     "or more show the action. *Nearest clip*: the same distance to the nearest clip or its mirror image, and of a"
     " clip to the nearest other take of the same person. *Recognised*: named rightly by decision trees that have "
-    "seen no clip of these people and no definition, and clips named rightly. Real clips beside made motions, as "
-    "a radar sees them:"
+    "seen no clip of these people and no definition, and clips named rightly. Seeds: {seeds}."
 )
+_SEEN = "Twenty actions as an AWR1843 sees them, each beside the clip that it begins with:"
 _COLUMNS: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
     "true, first try": lambda f: f"{100 * f['first']:.0f} %",
     "true": lambda f: f"{100 * f['true']:.0f} %",
@@ -52,19 +52,19 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return lines
 
 
-def performed_lines(metrics: Path = METRICS) -> list[str]:
-    """Part of the page about motions of `perform`; empty without figures."""
+def performed_lines(metrics: Path = METRICS, picture: Path = PICTURE) -> list[str]:
+    """Part of the page about motions of `perform`, with the picture where there is one; empty without figures."""
     if not metrics.exists():
         return []
     stored = json.loads(metrics.read_text(encoding="utf-8"))
-    text = _PERFORMED.format(duration=stored["duration"])
+    seeds = sorted({each["seeds"] for each in stored["actions"].values()})
+    text = _PERFORMED.format(duration=stored["duration"], seeds=" or ".join(map(str, seeds)))
     return [
         "",
         "## Motions of these actions",
         "",
         *textwrap.wrap(text, 118, break_on_hyphens=False),
         "",
-        f"![Micro-Doppler](images/{PICTURE.name})",
-        "",
+        *([_SEEN, "", f"![Micro-Doppler](images/{picture.name})", ""] if picture.exists() else []),
         *table(stored["actions"]),
     ]
