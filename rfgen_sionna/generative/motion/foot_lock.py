@@ -24,7 +24,7 @@ from rfgen_sionna.generative.motion.skeleton import (
 )
 from rfgen_sionna.records import Motion
 
-_SHORTEST = 0.13
+_SHORTEST = 0.07
 """Duration below which a plant counts as noise [s]."""
 _ROLLING = 0.012
 """Height of the toes over the heel while the foot rolls on its heel [m]; above the noise of flat feet."""
