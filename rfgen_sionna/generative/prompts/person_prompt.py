@@ -34,7 +34,7 @@ from rfgen_sionna.generative.prompts.quantities import (
 from rfgen_sionna.generative.prompts.scene_prompt import CLIP, ScenePrompt, check_seed
 from rfgen_sionna.generative.prompts.text_reader import negation_in, split_negative
 from rfgen_sionna.generative.prompts.vocabulary import WAYS as WAY_ANGLES
-from rfgen_sionna.generative.repertoire import HELD, WAYS
+from rfgen_sionna.generative.repertoire import HELD, ONCE, WAYS
 
 _ONE_HANDED = frozenset({"drink", "phone", "point", "punch", "put_down", "reach", "throw", "wash_window", "wave"})
 """Actions of clips with one hand, beside those of the rules."""
@@ -44,8 +44,10 @@ POSTURE_ACTIONS = {
 }  # fmt: skip
 """Posture of the arms -> action of somebody who stands so."""
 _TWO_HANDED = frozenset({"carry", "climb_ladder", "lift", "push_up", "sweep"})
-_HELD = HELD | {name for name, each in ACTIONS.items() if not each.periodic}
+_HELD = HELD | ONCE | {name for name, each in ACTIONS.items() if not each.periodic}
 """Actions without repetition."""
+_STILL = frozenset({"standing", "sit", "lie", "t_pose", "y_pose", *POSTURE_ACTIONS.values()})
+"""Actions without a pace and a size."""
 _BACKWARDS = frozenset({"walk_backwards", "run_backwards", "fall_backward"})
 _SIDEWAYS = frozenset({"sidestep", "fall_sideways"})
 _GESTURES = frozenset({"push", "pull", "throw", "point", "reach"})
@@ -100,10 +102,13 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
     mapped = dict(_on_the_way(each, said) for each in choice.options)
     action, options = _draw("action", tuple(mapped), forbidden, seed, negative, prompt, origins)
     path = mapped[action]
-    repeated = () if clip or action not in _HELD else tuple(words for words, _ in reader.found.get("repeated", []))
+    without = ("repeated",) if action in _HELD else ()
+    if action in _STILL:
+        without, one = ("repeated", "pace", "amplitude"), {"arm posture": one["arm posture"]}
     arms = ""
     if choice.arms:
         arms, _ = _draw("arms", choice.arms, forbidden, seed, negative, prompt, origins)
+    effectless = tuple(words for name in without for words, _ in reader.found.get(name, []))
     orientation = _orientation(said, denied, action, seed, origins)
     hand, hands_lost = _hand(said, denied, arms or action, seed, origins)
     if action in _SIDEWAYS or (choice.side and not said.read_hands() and "way" not in reader.found):
@@ -118,11 +123,11 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
             said.body.values[quantity.name] = reader.found[quantity.name][0][0], value
     body, from_words = draw_body(said.body, denied.body, seed)
     values = {q.name: q.draw(reader, seed, origins) for q in (DISTANCE, AZIMUTH, SPEED, RATE, BREATHING, HEART)}
-    said_so = {"speed": one["pace"], "path": path} | {name: reader.one(name) for name in ("tired", "pauses")} | one
+    said_so = {"speed": one.get("pace"), "path": path} | {name: reader.one(name) for name in ("tired", "pauses")} | one
     origins |= {name: PROMPT for name, value in said_so.items() if value is not None and name not in origins}
     manner = Manner(
-        speed=one["pace"] if values["speed"] is None else None, speed_mps=values["speed"], amplitude=one["amplitude"],
-        rate=values["rate"], path=path, pauses="pauses" in reader.found,
+        speed=one.get("pace") if values["speed"] is None else None, speed_mps=values["speed"],
+        amplitude=one.get("amplitude"), rate=values["rate"], path=path, pauses="pauses" in reader.found,
         arm_posture=None if action in POSTURE_ACTIONS.values() else one["arm posture"],
         tired="tired" in reader.found, hand=hand,
     )  # fmt: skip
@@ -131,13 +136,13 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
         distance_m=values["distance"], bearing_deg=values["azimuth"], body=body, manner=manner, arms=arms,
         surroundings=surroundings, breathing_rate=values["breathing"], heart_rate=values["heart"], notes=notes,
         understood=(
-            *(each for each in reader.understood if each[0] not in repeated),
+            *(each for each in reader.understood if each[0] not in effectless),
             *(((choice.known, f"action {action}{f', arms {arms}' if arms else ''}"),) if choice.known else ()),
             *((words, f"not {meaning}") for words, meaning in denied.reader.understood),
             *((words, f"not {' or '.join(sorted(named))}") for words, named in forbidden.items() if named),
         ),
         unused=(
-            *said.lost, *choice.lost, *hands_lost, *repeated, *denied.lost,
+            *said.lost, *choice.lost, *hands_lost, *effectless, *denied.lost,
             *(phrase for phrase, named in forbidden.items() if not named),
         ),
         origins=origins | from_words,

@@ -163,12 +163,50 @@ def test_manner(words: str, manner: dict[str, Any]) -> None:
     assert {name: value for name, value in fields.items() if value not in (None, False) and name != "hand"} == manner
 
 
+def test_ways_as_the_radar_sees_them() -> None:
+    for words, angle in (
+        ("walks from left to right", 90.0),
+        ("moves from the right to the left", 270.0),
+        ("walks to his left", 90.0),
+        ("walks radially", 0.0),
+        ("walks back to the radar", 0.0),
+        ("walks backwards away from the radar", 0.0),
+        ("falls backwards, towards the radar", 180.0),
+    ):
+        assert read_prompt(f"a person {words}, 3 m away").orientation_deg == angle, words
+    across = {read_prompt("a person walks tangentially", seed=seed).orientation_deg for seed in range(12)}
+    assert across == {90.0, 270.0}
+    assert read_prompt("a person walks while moving a hand in circles").manner.path is None
+    with pytest.raises(PromptError, match="path: 'walks in a square' is no way"):
+        read_prompt("a person walks in a square")
+
+
 def test_a_manner_stands_in_the_report_and_in_the_negative_prompt() -> None:
     report = read_prompt("a tired person walks in a circle at 0.5 m/s with small steps and pauses").report()
     for line in ("speed         0.5 m/s", "amplitude", "path          circle", "with pauses", "tired         yes"):
         assert line in report
     with pytest.raises(PromptError, match="arm posture: the prompt asks for 'with arms folded'"):
         read_prompt("a person walks with arms folded", "arms folded")
+
+
+@pytest.mark.parametrize(
+    ("prompt", "unused"),
+    [
+        ("a person stands quickly", "quickly"),
+        ("a person sits, repeatedly", "repeatedly"),
+        ("a person falls again and again", "again and again"),
+        ("a woman falls to the left", "to the left"),
+        ("a person walks 10 steps", "10 steps"),
+        ("a person jumps 5 cm high", "5 cm high"),
+        ("a person walks with the left hand", "with the left hand"),
+        ("a blind man walks", "blind"),
+        ("a person waves in a small office with two desks", "with two desks"),
+    ],
+)
+def test_words_without_effect_are_named(prompt: str, unused: str) -> None:
+    said = read_prompt(prompt)
+    assert unused in said.unused
+    assert f"prompt: '{unused}' was not understood and has no effect" in said.warnings
 
 
 @pytest.mark.parametrize(
