@@ -51,8 +51,8 @@ def once(clip: Motion, span: tuple[int, int], count: int, rng: np.random.Generat
         return motion
     before = int(missing * rng.uniform(0.15, 0.45)) if _speed_at(motion, 0) < _STILL else 0
     if before:
-        motion = reversed_in_time(kept(reversed_in_time(motion), before, rng))
-    return kept(motion, missing - before, rng) if missing > before else motion
+        motion = reversed_in_time(held_pose(reversed_in_time(motion), before, rng))
+    return held_pose(motion, missing - before, rng) if missing > before else motion
 
 
 def _speed_at(motion: Motion, frame: int) -> float:
@@ -62,7 +62,7 @@ def _speed_at(motion: Motion, frame: int) -> float:
     return float(np.linalg.norm(features[:, third : 2 * third], axis=1).mean() / 0.12)
 
 
-def kept(motion: Motion, count: int, rng: np.random.Generator) -> Motion:
+def held_pose(motion: Motion, count: int, rng: np.random.Generator) -> Motion:
     """The motion, then `count` frames of its last pose with the sway of someone who stands or sits still."""
     still = [each for each in windows()["standing"] if clip_record(each.clip).duration > 10.0]
     clip = plain_clip(still[int(rng.integers(len(still)))].clip)
@@ -110,7 +110,7 @@ def repeated(
         before = len(motion.translation)
         motion = joined(cut(motion, 0, here + 1), cut(best[0], there, len(best[0].translation)))
         if len(motion.translation) <= before:
-            motion = kept(motion, count - len(motion.translation), rng)
+            motion = held_pose(motion, count - len(motion.translation), rng)
     return cut(motion, 0, max(count, 2)) if action in WAYS or action in HELD else cut(motion, 0, count)
 
 
@@ -138,7 +138,7 @@ def at_rate(
     while len(motion.translation) < count:
         wanted = round(times * interval * RATE)
         if wanted > len(motion.translation):
-            motion = kept(motion, wanted - len(motion.translation), rng)
+            motion = held_pose(motion, wanted - len(motion.translation), rng)
         motion = joined(cut(motion, 0, wanted), once)
         times += 1
     return cut(motion, 0, count)
