@@ -8,6 +8,7 @@ import pytest
 
 from rfgen_sionna.generative.bodies import BodySequence, Phenotype, Rig, animate, person
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
+from rfgen_sionna.generative.motion.arm_actions import GESTURES
 from rfgen_sionna.generative.motion.balance import centre_of_mass
 from rfgen_sionna.generative.motion.limits import LIMITS, joint_angles
 from rfgen_sionna.generative.motion.skeleton import JOINT
@@ -20,7 +21,21 @@ BODIES = {
 }
 DURATION = 4.0
 STEP = 1.0 / 30.0
-CASES = [(action, body, seed) for action in ACTIONS for seed, body in enumerate(BODIES)]
+GESTURED = [name for name in ACTIONS if name in GESTURES]
+OFTEN = (
+    "jump", "jumping_jacks", "pick_up", "walk", "walk_straight", "left_leg_raised", "swipe_left", "push",
+    "finger_swing",
+)  # fmt: skip
+DAILY = ("wave", "clap", "boxing", "phone", "arms_on_hips", "sweep")
+CASES = [
+    *((action, body, seed) for action in OFTEN for seed, body in enumerate(BODIES)),
+    *((action, tuple(BODIES)[k % 3], k) for k, action in enumerate(DAILY)),
+    *(
+        pytest.param(action, body, seed + 3, marks=pytest.mark.slow)
+        for action in GESTURED
+        for seed, body in enumerate(BODIES)
+    ),
+]
 
 
 @cache
@@ -99,8 +114,9 @@ def test_velocity_has_no_stairs(action, body, seed):
         fine = (x[1] - 2 * x[2] + x[3]) / 1e-6
         coarse = (x[0] - 2 * x[2] + x[4]) / 4e-6
         worst = max(worst, float(np.abs(fine - coarse).max()))
-    # jerk up to 8,000 m/s^3 at a landing times 1 ms; a step of 1 cm/s would show as 5 m/s^2 on top everywhere
-    assert worst < 8.0
+    # jerk times 1 ms: up to 8,000 m/s^3 at a landing, 60 d / T^3 in a strike by d = 0.6 m in T = 0.12 s; a step of 1 cm/s
+    # would show as 5 m/s^2 on top everywhere
+    assert worst < (30.0 if action in ("boxing", "throw") else 8.0)
 
 
 @pytest.mark.parametrize("action", ["walk", "jumping_jacks", "pick_up", "swipe_left", "click"])

@@ -230,7 +230,7 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
             Key((0.3, 0.6), ((0.03, 0.08), (0.02, 0.05), (0.02, 0.05))),
         ),
         ((0.06, 0.1), (0.14, 0.18), (0.14, 0.19)), "head", fingers=(-0.3, -0.9, 0.4), palm=(-0.3, -0.5, -1.0),
-        curl=FIST, pole=(0.5, 1.0, -0.3), flows=True, rises=False, repeats=1.6,
+        curl=FIST, pole=(0.8, 1.0, -0.3), flows=True, rises=False, repeats=1.6,
         body={"tilt": (-0.2, 0.0), "nod": (0.0, 0.2)},
     ),
     "cough": KeyedGesture(
@@ -278,15 +278,15 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
     ),
     "look_around": KeyedGesture(
         (
-            Key((0.7, 1.3), body={"look": (0.5, 0.75), "turn": (-0.3, -0.05)}),
-            Key((0.3, 1.0), body={"look": (0.5, 0.75), "turn": (-0.3, -0.05)}),
-            Key((0.9, 1.6), body={"look": (-0.75, -0.5), "turn": (0.05, 0.3)}),
-            Key((0.3, 1.0), body={"look": (-0.75, -0.5), "turn": (0.05, 0.3)}),
+            Key((0.7, 1.3), body={"look": (0.45, 0.66), "turn": (-0.3, -0.05)}),
+            Key((0.3, 1.0), body={"look": (0.45, 0.66), "turn": (-0.3, -0.05)}),
+            Key((0.9, 1.6), body={"look": (-0.66, -0.45), "turn": (0.05, 0.3)}),
+            Key((0.3, 1.0), body={"look": (-0.66, -0.45), "turn": (0.05, 0.3)}),
         ),
         None, repeats=1.4,
     ),
     "nod": KeyedGesture(
-        (Key((0.25, 0.45), body={"nod": (0.13, 0.28)}), Key((0.25, 0.45), body={"nod": (-0.14, -0.04)})),
+        (Key((0.25, 0.45), body={"nod": (0.2, 0.32)}), Key((0.25, 0.45), body={"nod": (-0.14, -0.07)})),
         None, flows=True, repeats=2.0,
     ),
     "shake_head": KeyedGesture(
