@@ -45,7 +45,7 @@ NOUN_TRAITS: tuple[tuple[str, frozenset[str], str], ...] = (
 _OTHERS = (
     r"person|human(?: being)?|someone|somebody|individual|subject|pedestrian|patient|resident|participant|volunteer"
     r"|user|visitor|guest|passenger|customer|client|student|player|athlete|dancer|boxer|fighter|gymnast|acrobat"
-    r"|target|test person"
+    r"|target|test person|test subject"
     r"|runner|jogger|walker|hiker|climber|swimmer|skater|wrestler|footballer|goalkeeper|sprinter|trainer"
     r"|burglar|thief|intruder|prisoner|victim|hero|clown|juggler|diver|mime|ninja|yogi|zombie|wizard|neighbou?r|friend|colleague"
     r"|roommate|housemate|stranger|bystander|commuter|shopper|tourist|traveller|traveler|speaker|singer|musician"

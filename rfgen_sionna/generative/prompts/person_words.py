@@ -22,6 +22,7 @@ from rfgen_sionna.generative.prompts.quantities import (
     HEIGHT,
     ORIENTATION,
     WEIGHT,
+    read_last_length,
     read_lengths,
     refuse_misreadable,
 )
@@ -226,6 +227,7 @@ def read_wanted(text: str) -> PersonWords:
     _read_common(said)
     reader.take(_BY_SEED, "drawn by the seed")
     _read_target(said)
+    read_last_length(reader)
     said.lost += [match.group() for pattern in (_CLOTHES, _CIRCUMSTANCES) for match in reader.take(pattern)]
     refuse_unknown_place(reader)
     said.lost += [match.group() for match in reader.take(_COUNTED)]

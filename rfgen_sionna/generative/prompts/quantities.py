@@ -119,6 +119,7 @@ DISTANCE = Quantity(
         rf"(?:at )?{_LENGTH} (?:away(?: from {RADAR})?|from {RADAR}|in front of {RADAR}|distant|distance|range|off)",
         rf"at {_LENGTH}(?! (?:tall|high|per|a second|above|over|off the))",
         r"distance (?P<value><r>)(?= ,|$)",
+        rf"(?:starting )?from {_LENGTH}(?= ,| ~|$)",
     ),
     _SIZE, unspecific=rf"(?:at |from |in )?<a>{_RANDOM} (?:distance|range)s?(?: (?:from|to|of) {RADAR})?|distance {_RANDOM}(?= ,|$)", usual=(1.5, 5.0),
 )  # fmt: skip
@@ -247,6 +248,18 @@ def refuse_misreadable(text: str) -> None:
         )
 
 
+def read_last_length(reader: Reader) -> None:
+    """Take a length after words that are read, as the distance if there is none: "walking towards the radar 5 m"."""
+    if DISTANCE.name not in reader.found:
+        for match in reader.take(rf"(?<=~ ){_LENGTH}(?= ,| ~|$)"):
+            low, high = limits(match["value"])
+            DISTANCE.note(reader, match, low * _metres(match["unit"]), high * _metres(match["unit"]))
+
+
+def _metres(unit: str) -> float:
+    return next(factor for start, factor in _SIZE.items() if unit.startswith(start))
+
+
 def read_lengths(reader: Reader, height: bool) -> None:
     """Take distances and lengths without a quantity ("1.8 m"), which are a height if they are written like heights of
     people, unless `height` is False.
@@ -258,8 +271,7 @@ def read_lengths(reader: Reader, height: bool) -> None:
     for match in reader.take(_BARE_LENGTH):
         groups = match.groupdict()
         value, unit = (match["value"], match["unit"]) if groups["value"] else (match["value2"], match["unit2"])
-        scale = next(factor for start, factor in _SIZE.items() if unit.startswith(start))
-        low, high = (scale * bound for bound in limits(value))
+        low, high = (_metres(unit) * bound for bound in limits(value))
         if height and 1.3 <= low <= high <= 2.3:
             if unit[0] == "c" or (unit[0] == "f" and "." in value):  # centimetres, feet and inches
                 HEIGHT.note(reader, match, low, high)

@@ -34,7 +34,7 @@ BOTH_WAYS = (
 )
 """To the radar and back."""
 WALKS = r"(?:<walk>|<run|ran>|<stroll>|<jog>|<stride|strode>|<march>|<sprint>|<limp>|<crawl>|<sneak>|<wander>|<pace>)"
-GOES = r"(?:<go|went>|<move>|<come|came>|<step>|<head>|<return>|<travel>|<pass>)"
+GOES = r"(?:<go|went>|<move>|<come|came>|<step>|<head>|<return>|<travel>|<pass>|<cross>)"
 _WALKING = rf"(?:{WALKS}|{GOES})(?: [a-z]+ly)?(?: ~+)*"
 _ACROSS = (
     rf"tangentially|(?:past|by)(?: {RADAR})?(?= ,| ~|$)|past {RADAR}|across (?:the )?(?:radar|scene|view|field of view|line of sight)"
