@@ -93,7 +93,7 @@ class ActionReader:
         ValueError
             The text has no words.
         """
-        said = sentence_features.respelled(clauses.plain(text), self._head.words)
+        said = sentence_features.respelled(clauses.plain(text), self._head.words, self._encoder.knows)
         if not sentence_features.words(said):
             raise ValueError(f"text: {text!r} has no words; write an action, such as 'a person walks'")
         parts = clauses.split(said)

@@ -56,6 +56,10 @@ class CaptionEncoder:
                     vectors[some] = self._pooled(np.array([ids[row] for row in some]))
         return vectors
 
+    def knows(self, word: str) -> bool:
+        """Whether a word, in small letters, is one of the 30 000 that the encoder has a vector of its own for."""
+        return self._tokenizer.token_to_id(word) is not None
+
     def _pooled(self, ids: NDArray[np.int64]) -> Array:
         """Normalised mean of the last states (text, `WIDTH`) of tokens (text, token)."""
         weights = self._weights

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import cache
 from itertools import pairwise
 from zlib import crc32
@@ -145,12 +145,18 @@ def stem(word: str) -> str:
     return word[:-1] if word.endswith("e") and len(word) > 3 else word
 
 
-def respelled(text: str, known: Collection[str]) -> str:
-    """The text with longer words that are not `known` made known: two letters exchanged, one lost or added."""
+def respelled(text: str, known: Collection[str], is_word: Callable[[str], bool]) -> str:
+    """The text with longer words that are none made known: two letters exchanged, one lost or added.
+
+    Args:
+        text: in small letters.
+        known: words that others may become.
+        is_word: whether any word is right as it is.
+    """
 
     def corrected(match: re.Match[str]) -> str:
         word = match.group()
-        if word in known or word.removesuffix("s") in known:
+        if word in known or is_word(word) or is_word(word.removesuffix("s")):
             return word
         halves = [(word[:place], word[place:]) for place in range(1, len(word) + 1)]
         near = (
