@@ -114,8 +114,8 @@ def test_velocity_has_no_stairs(action, body, seed):
         fine = (x[1] - 2 * x[2] + x[3]) / 1e-6
         coarse = (x[0] - 2 * x[2] + x[4]) / 4e-6
         worst = max(worst, float(np.abs(fine - coarse).max()))
-    # jerk times 1 ms: up to 8,000 m/s^3 at a landing, 60 d / T^3 in a strike by d = 0.6 m in T = 0.12 s; a step of 1 cm/s
-    # would show as 5 m/s^2 on top everywhere
+    # jerk times 1 ms: up to 8,000 m/s^3 at a landing, 60 d / T^3 in a strike by d = 0.6 m in T = 0.12 s; a step of
+    # 1 cm/s would show as 5 m/s^2 on top everywhere
     assert worst < (30.0 if action in ("boxing", "throw") else 8.0)
 
 

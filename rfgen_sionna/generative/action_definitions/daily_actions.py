@@ -60,9 +60,9 @@ def hands_in_pockets(s: MotionSignals) -> Requirements:
     return _held(there & (np.abs(hands[..., 1] - 0.2) < 0.09) & (s.elbow_flexion > 30.0))
 
 
-@defines("both_arms_forward", "Both arms level and ahead for 0.8 s or more.")
+@defines("both_arms_forward", "Both arms level and ahead for 0.8 s or more, on straight legs.")
 def both_arms_forward(s: MotionSignals) -> Requirements:
-    level = np.all(horizontal(s) & (s.wrists[..., 0] > 0.35), axis=1)
+    level = np.all(horizontal(s) & (s.wrists[..., 0] > 0.35), axis=1) & (s.legs > 0.9)
     return [at_least("longest time with both arms level and ahead [s]", longest(level), 0.8)]
 
 
