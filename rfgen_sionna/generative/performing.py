@@ -42,6 +42,8 @@ _LOW, _SLOW = 0.035, 0.35
 """Height over the floor [m] and speed [m/s] under which a foot stands."""
 _MOVES = 0.5
 """Speed from which a foot is not planted [m/s]."""
+SHORTEST_WAY, SHORTEST_WAY_BACK = 1.5, 2.5
+"""The same of ways over the floor [s], and of those back or around: of shorter ones the first part is checked."""
 EXACT = frozenset(
     {
         "t_pose", "sit_up", "push_up", "wave", "clap", "phone", "type", "boxing", "stretch", "point", "wash_window",
@@ -223,9 +225,10 @@ def _by_rules(action: str, duration: float, seed: int, skeleton: Skeleton, manne
 
 
 def _verdict(motion: Motion, action: str, duration: float, arms: str, skeleton: Skeleton) -> Verdict:
-    if duration < SHORTEST:
+    if duration < (SHORTEST_WAY if action in WAYS else SHORTEST):
         return Verdict(action, True, ())
-    verdict = check(MotionSignals(motion), action)
+    part = duration < SHORTEST_WAY_BACK and action in ("walk_to_and_fro", "walk_in_a_circle")
+    verdict = check(MotionSignals(motion), "walk" if part else action)
     if verdict.true and arms in DEFINED_ACTIONS:
         return check(MotionSignals(standing_still(motion, skeleton)), arms)
     return verdict

@@ -71,7 +71,7 @@ def way_decisions(
     if straight:
         return [] if place is None else [check_walk_path(motion, place, yaw, radar)]
     found, name = [], "extent" if said.manner.path else "path"
-    if said.action == "walk" and said.manner.path in (None, "to_and_fro"):
+    if said.action in ("walk", "walk_to_and_fro") and said.manner.path in (None, "to_and_fro"):
         decision, seen = walk_back(motion)
         found.append(replace(decision, name=name))
         if not seen:

@@ -19,6 +19,8 @@ from rfgen_sionna.records import Motion
 
 _STEP = 0.5
 """Width of the smoothing that takes steps and sway out of a way [s]."""
+_TURNING = 1.6
+"""Length from which a way to and fro turns back [s]; shorter ones are its first part."""
 _SLOW = 0.3
 """Share of the speed in a half turn of a walk at 1 m/s; slow walks slow down less."""
 _CENTRIPETAL = 3.5
@@ -101,11 +103,11 @@ def floor_way(kind: str, end: float, speed: float, period: float, rng: np.random
 
     It begins towards +x; its middle is the origin.
     """
-    if kind == "to_and_fro":
+    if kind == "to_and_fro" and end >= _TURNING:
         return _to_and_fro(end, speed, period, rng)
     t = np.arange(0.0, end + 1.0, 1.0 / 480.0)
     sense = 1 if rng.uniform() < 0.5 else -1
-    if kind == "straight":
+    if kind in ("straight", "to_and_fro"):
         heading = np.zeros_like(t)
     elif kind == "circle":
         widest = max(speed * end / (2.25 * np.pi), 0.4)  # around and a little more
