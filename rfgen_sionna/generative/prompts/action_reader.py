@@ -26,6 +26,14 @@ REFUSED = "refused: "
 """Beginning of the labels of what no action covers; the topic follows."""
 _QUIET = frozenset({"talk", "mind", "states", "music"})
 """Topics that may go on beside an action, without an effect on it."""
+_NO_ACTIONS = {
+    "not_people": "it is about no person",
+    "not_actions": "it names no action",
+    "others_do_it": "the person does not do the action",
+    "idioms": "its words do not mean a movement",
+    "states": "it is a state, or no movement of the body",
+}
+"""Topic -> reason of its refusal, where it is no activity."""
 _CLEAR = 0.6
 """Share of the probability of all kinds of an action from which one kind is meant."""
 _SURE = 0.9
@@ -126,7 +134,8 @@ class ActionReader:
         limit = head.limits[doubt]
         reason = ""
         if likely[0].startswith(REFUSED):
-            reason = f"it is about something else ({likely[0].removeprefix(REFUSED).replace('_', ' ')})"
+            topic = likely[0].removeprefix(REFUSED)
+            reason = _NO_ACTIONS.get(topic, f"there is no motion for that ({topic.replace('_', ' ')})")
         elif share < limit:
             reason = f"its action is not clear (probability {share:.2f}, at least {limit:.2f} is needed)"
         elif not set(options) & self.actions:
@@ -161,18 +170,19 @@ class ActionReader:
         named = [part for part in parts if part.possible]
         if not named:
             return whole
-        sure = whole.possible and whole.probability > _SURE
+        sure = whole.possible and whole.probability > _SURE and not (said.sequence and whole.unknown)
         for part in parts:
-            if not (sure or part.possible or part.topic in _QUIET) and part.against > _SURE:
-                return replace(whole, possible=False, reason=f"{part.text!r} cannot be done")
+            if sure or part.possible or part.topic in _QUIET or clauses.ENDS.search(part.text):
+                continue
+            if said.sequence or part.against > _SURE:
+                return replace(whole, possible=False, reason=f"{part.text!r} cannot be done: {part.reason}")
         several: list[ActionReading] = []
         for part in named:
             if part.action != "standing" and not any(set(part.options) & set(each.options) for each in several):
                 several.append(part)
         actions = [part.action for part in several]
         if len(actions) < 2 or clauses.covers(whole.action, actions):
-            agrees = not several or set(whole.options) & set(several[0].options)
-            agrees = agrees or clauses.covers(whole.action, actions)
+            agrees = clauses.covers(whole.action, actions) or bool(set(whole.options) & set(several[0].options))
             return whole if whole.possible and agrees else self._single(whole, named)
         legs = [part for part in several if part.action in clauses.LEGS]
         arms = [part for part in several if part.action in clauses.ARMS]

@@ -192,6 +192,10 @@ _PARTICIPLE = re.compile(
     r" (?!(?:sitting|standing|walking|running|lying|moving|doing|facing|waiting|going|wearing|being|turning|stopping|starting|morning|evening|ceiling|building|living|dining|meeting|waiting)\b)([a-z]+ing\b)"
 )
 """A posture or a gait, and a participle beside it: "sits drinking tea"."""
+ENDS = re.compile(
+    r"^a person (?:lands?|stops?|pauses?|rests?|relaxes|repeats?|is (?:landing|stopping|pausing|resting))\b"
+)
+"""Clauses that only end or repeat an action."""
 _ONE_WAY = re.compile(r"\b(?:up|back|to|backwards?|forwards?|left|right|round|over|there|again)$")
 _OTHER_WAY = re.compile(r"(?:down|forth|fro|forwards?|backwards?|right|left|round|over|back|again)\b")
 """Halves of "up and down"."""
