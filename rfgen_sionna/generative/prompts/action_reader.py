@@ -30,7 +30,7 @@ _NO_ACTIONS = {
     "not_people": "it is about no person",
     "not_actions": "it names no action",
     "others_do_it": "the person does not do the action",
-    "idioms": "its words do not mean a movement",
+    "idioms": "there is no motion for that",
     "states": "it is a state, or no movement of the body",
 }
 """Topic -> reason of its refusal, where it is no activity."""
