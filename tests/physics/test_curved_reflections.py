@@ -416,7 +416,9 @@ def test_people_show_as_much_of_themselves_as_the_ray_mode_says():
     which differ by 0.4 dB from eight million. Single poses are up to 5 dB off, 10 and more where glints all but cancel:
     most of them have an edge or another one within their Fresnel zones, which is in the error that is stated."""
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
-    person = rfgen.Actor.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=2.0)
+    person = rfgen.Actor.from_prompt(
+        "a person walking back and forth, at 3 m", seed=0, radar=radar, duration=2.0, motion="kinematic"
+    )
     simulator = Simulator(None, radar, [person], rtol=1e-2, max_bounces=2)
 
     def power(paths):

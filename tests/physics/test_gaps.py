@@ -31,7 +31,9 @@ def square(half):
 def walking(t, rtol):
     """What an adult who walks returns at an instant, and its stated error."""
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
-    person = Person.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=2.0)
+    person = Person.from_prompt(
+        "a person walking back and forth, at 3 m", seed=0, radar=radar, duration=2.0, motion="kinematic"
+    )
     tracer = Tracer(None, radar, [person], rtol)
     traced = tracer.trace(t, t)
     paths, weight = traced.moving, tracer._band.pattern_gain(traced.moving.direction[:, 0])

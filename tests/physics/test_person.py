@@ -37,7 +37,7 @@ def radar():
 
 @pytest.fixture(scope="module")
 def standing(radar):
-    return Actor.from_prompt("a person standing", seed=0, radar=radar, duration=1.0)
+    return Actor.from_prompt("a person standing", seed=0, radar=radar, duration=1.0, motion="kinematic")
 
 
 @pytest.mark.slow
@@ -82,7 +82,9 @@ def test_walking_shows_the_speeds_of_the_mesh(radar):
     spectrum ends where the fastest visible vertices end.
     """
     fast = one_channel(radar, num_loops=384, num_samples=32)
-    person = Actor.from_prompt("a person walking towards the radar and back", seed=1, radar=fast, duration=6.0)
+    person = Actor.from_prompt(
+        "a person walking towards the radar and back", seed=1, radar=fast, duration=6.0, motion="kinematic"
+    )
     tracer = Tracer(None, fast, [person])
     resolution = fast.wavelength / (2 * fast.waveform.frame_length)
     fastest_limb = 0.0
@@ -121,7 +123,9 @@ def test_walking_shows_the_speeds_of_the_mesh(radar):
 
 def test_finer_motion_sampling_does_not_change_the_spectrogram(radar):
     """The delays of a walking person from knots twice as dense differ by less than 3 rtol rad rms."""
-    person = Actor.from_prompt("a person walking towards the radar and back", seed=1, radar=radar, duration=2.0)
+    person = Actor.from_prompt(
+        "a person walking towards the radar and back", seed=1, radar=radar, duration=2.0, motion="kinematic"
+    )
     tracer = Tracer(None, radar, [person])
     start, stop = 0.8, 0.8 + radar.waveform.frame_length
     run = tracer.follow()

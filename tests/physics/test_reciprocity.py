@@ -48,7 +48,9 @@ def test_a_person_to_a_whole_array():
     """What its parts show of one another by glints is found by Newton's steps, near caustics not to the last digit; and
     gains of all pairs are expanded from a middle that is Tx's as much as Rx's."""
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
-    person = Actor.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=3.0)
+    person = Actor.from_prompt(
+        "a person walking back and forth, at 3 m", seed=0, radar=radar, duration=3.0, motion="kinematic"
+    )
     found = differences(None, radar, [person], rtol=3e-2, max_bounces=2)
     assert found.keys() == {(True, 1), (True, 2)}
     assert max(found.values()) < ALIKE
@@ -62,7 +64,9 @@ def test_a_person_in_a_living_room_by_three_bounces():
     radar = replace(
         board, tx_positions=np.array([[0, -0.05, 0.01]]), rx_positions=np.array([[0, 0.04, 0.0]]), rx_names=("RX1",)
     )
-    person = Actor.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=3.0)
+    person = Actor.from_prompt(
+        "a person walking back and forth, at 3 m", seed=0, radar=radar, duration=3.0, motion="kinematic"
+    )
     found = differences(load_scene("living_room"), radar, [person], rtol=3e-2, max_bounces=3)
     assert found.keys() == {(moving, bounces) for moving in (True, False) for bounces in (1, 2, 3)}
     assert max(found.values()) < ALIKE

@@ -269,7 +269,9 @@ def test_a_walking_person_between_instants(radar, start):
     pytest.importorskip("anny")
     from rfgen_sionna.generative.actor import Actor as Person
 
-    person = Person.from_prompt("a person walking back and forth, at 3 m", seed=0, radar=radar, duration=3.0)
+    person = Person.from_prompt(
+        "a person walking back and forth, at 3 m", seed=0, radar=radar, duration=3.0, motion="kinematic"
+    )
     tracer = Tracer(None, radar, [person], rtol=1e-2)
     length = radar.waveform.frame_length
     traced = tracer.trace(start, start + length)

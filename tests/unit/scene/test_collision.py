@@ -160,7 +160,7 @@ def test_people_at_the_default_place_are_clear_of_the_furniture(room, rays) -> N
     rig = None
     for action in ("jumping jacks", "walking back and forth", "picking up an item from the ground"):
         person = Person.from_prompt(
-            f"a person {action}", seed=0, position=(3, 0, 0), orientation=(np.pi, 0, 0), body=rig
+            f"a person {action}", seed=0, position=(3, 0, 0), orientation=(np.pi, 0, 0), body=rig, motion="kinematic"
         )
         rig = person.body
         begun = time.process_time()
@@ -169,7 +169,13 @@ def test_people_at_the_default_place_are_clear_of_the_furniture(room, rays) -> N
     assert min(took) < 2.0
     with pytest.raises(SceneError, match="'coffee_table'"):
         check_collisions(
-            room, rays, [Person.from_prompt("a person standing", body=rig, position=(4.7, 0, 0))], 0.0, 1.0, "error", 1
+            room,
+            rays,
+            [Person.from_prompt("a person standing", body=rig, position=(4.7, 0, 0), motion="kinematic")],
+            0.0,
+            1.0,
+            "error",
+            1,
         )
 
 
@@ -187,6 +193,6 @@ def test_every_action_at_the_default_place(room, rays, seed: int) -> None:
         "draws a circle counter-clockwise", "stands",
     ):  # fmt: skip
         actor = Person.from_prompt(
-            f"a person {action}", seed=seed, body=rig, position=(3, 0, 0), orientation=(np.pi, 0, 0)
+            f"a person {action}", seed=seed, body=rig, position=(3, 0, 0), orientation=(np.pi, 0, 0), motion="kinematic"
         )
         check_collisions(room, rays, [actor], 0.0, 3.0, "error", 1)
