@@ -105,6 +105,18 @@ def _unsupported(
     return np.asarray(gaussian_filter1d(lasting, 0.15 * frame_rate, mode="nearest"))
 
 
+def lies(rig: Rig, joints: FloatArray, heights: dict[str, FloatArray]) -> np.ndarray:
+    """(frame,) whether the trunk is level and on the floor.
+
+    Args:
+        rig: the body.
+        joints: (frame, 52, 3, 3) world rotations of the joints.
+        heights: (frame,) of each part, as :func:`part_heights` gives them [m].
+    """
+    level = np.abs(joints[:, [JOINT["spine1"], JOINT["spine3"]], 2, 2]).max(axis=1) < 0.4
+    return np.asarray(level & (heights["torso"] < 0.06 * body_size(rig)))
+
+
 def _give_way(carrier: FloatArray, end: FloatArray, play: FloatArray | float, fade: FloatArray | float) -> FloatArray:
     """(frame,) the lower of two heights; an end up to `play` under the carrier does not count, a lower one does."""
     under = np.maximum(carrier - end, 0.0)

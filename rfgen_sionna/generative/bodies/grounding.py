@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, label, maximum_filter1d
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.bodies.body_support import body_size, carrying_height, hover, lowest, part_heights
+from rfgen_sionna.generative.bodies.body_support import body_size, carrying_height, hover, lies, lowest, part_heights
 from rfgen_sionna.generative.bodies.limb_contact import rest_limbs
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.curves import ease
@@ -56,7 +56,7 @@ def find_contacts(soles: FloatArray, frame_rate: float) -> np.ndarray:
 
 
 def rests_on_floor(rig: Rig, joints: FloatArray, translation: FloatArray, frame_rate: float) -> bool:
-    """Whether no part is more than 2 cm under the floor, and none that carries more than 3 cm over it.
+    """Whether no part is more than 2 cm under the floor, none that carries more than 3 cm over it, and nobody lies.
 
     Args:
         rig: the body.
@@ -64,7 +64,8 @@ def rests_on_floor(rig: Rig, joints: FloatArray, translation: FloatArray, frame_
         translation: (frame, 3) root positions [m].
         frame_rate: [Hz].
     """
-    if np.min(list(part_heights(rig, joints, translation).values())) < -0.02:
+    heights = part_heights(rig, joints, translation)
+    if np.min(list(heights.values())) < -0.02 or lies(rig, joints, heights).any():
         return False
     low = carrying_height(rig, joints, translation, frame_rate)
     if len(low) < 3:
@@ -101,11 +102,12 @@ def rest_on_floor(
 
 
 def _upright(rig: Rig, joints: FloatArray, translation: FloatArray) -> np.ndarray:
-    """(frame,) whether the pelvis is over stretched legs, with the trunk up."""
+    """(frame,) whether the pelvis is over a stretched leg, with the trunk up."""
     positions = _positions(rig, joints, translation)
     feet = np.min([positions[:, JOINT[f"{side}_ankle"], 2] for side in SIDES], axis=0)
     trunk = normalised(positions[:, JOINT["neck"]] - positions[:, 0])
-    return np.asarray((positions[:, 0, 2] - feet > 0.6 * rig.skeleton.leg_length()) & (trunk[:, 2] > 0.6))
+    hanging = joints[:, [JOINT[f"{side}_hip"] for side in SIDES], 2, 2].max(axis=1) > 0.6
+    return np.asarray((positions[:, 0, 2] - feet > 0.6 * rig.skeleton.leg_length()) & (trunk[:, 2] > 0.6) & hanging)
 
 
 def _plant_feet(
@@ -124,11 +126,12 @@ def _plant_feet(
         shift[:, 2] += _envelope(under, blend)
         _move_foot(rig, joints, positions, side, shift)
     heights = part_heights(rig, joints, translation)
-    carried = planted & (lowest(heights, ("torso", "thigh", "shank")) > 0.02)[:, None]
+    others = lowest(heights, ("torso", "thigh", "shank")) <= 0.02
+    carried = planted & ~others[:, None]
     for _ in range(2 if carried.any() else 0):  # the second round corrects the smoothing of the first
         # a leg may be too short: the pelvis sinks until the lower of the planted feet is on the floor
         low = np.stack([_lowest_vertex(rig, joints, translation, side) for side in SIDES], axis=-1)
-        rise = np.where(carried, low, np.inf).min(axis=1)
+        rise = np.where(others, 0.0, np.where(carried, low, np.inf).min(axis=1))
         at = np.flatnonzero(np.isfinite(rise))
         rise = np.interp(np.arange(len(rise)), at, rise[at])
         translation[:, 2] -= gaussian_filter1d(rise, RIDE * frame_rate, mode="nearest")

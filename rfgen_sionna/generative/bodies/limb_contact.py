@@ -1,12 +1,12 @@
-"""Arms, hands and head on the floor: they give way to it, and hands that support rest on it."""
+"""Limbs and head on the floor: they give way to it; hands that support, and limbs of who lies, rest on it."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+from scipy.ndimage import binary_opening, gaussian_filter1d, maximum_filter1d
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.bodies.body_support import PALM, body_size, lowest, part_heights
+from rfgen_sionna.generative.bodies.body_support import PALM, body_size, lies, lowest, part_heights
 from rfgen_sionna.generative.bodies.rig import Rig
 from rfgen_sionna.generative.motion.curves import ease
 from rfgen_sionna.generative.motion.rotations import X, Y, Z, about, normalised, transpose
@@ -31,6 +31,10 @@ def rest_limbs(rig: Rig, joints: FloatArray, translation: FloatArray, frame_rate
     """
     width = max(1.0, _SETTLE * frame_rate)
     heights = part_heights(rig, joints, translation)
+    lying = lies(rig, joints, heights)
+    if lying.any():
+        _let_down(rig, joints, translation, heights, lying, frame_rate)
+        heights = part_heights(rig, joints, translation)
     for side in SIDES:
         arm = ("upper_arm", "forearm", "hand")
         if lowest(heights, [f"{side}_{part}" for part in arm]).min() < _NEAR:
@@ -40,6 +44,44 @@ def rest_limbs(rig: Rig, joints: FloatArray, translation: FloatArray, frame_rate
         _raise_head(rig, joints, under)
     low = np.min(list(part_heights(rig, joints, translation).values()), axis=0)
     translation[:, 2] += _lift(-low - 0.01, width)
+
+
+def _let_down(
+    rig: Rig,
+    joints: FloatArray,
+    translation: FloatArray,
+    heights: dict[str, FloatArray],
+    lying: np.ndarray,
+    frame_rate: float,
+) -> None:
+    """Let still limbs and the head of who lies down to the floor, in place: a little over it, beside the trunk."""
+    size, places = body_size(rig), _places(rig, joints, translation)
+    trunk = places[:, JOINT["neck"], :2] - places[:, 0, :2]
+    along = trunk / np.maximum(np.linalg.norm(trunk, axis=1), 1e-6)[:, None]
+
+    def drop(joint: str, height: FloatArray, highest: float, aside: float) -> FloatArray:
+        at = places[:, JOINT[joint]]
+        still = np.linalg.norm(np.gradient(at, axis=0), axis=1) * frame_rate < _STILL
+        away = at[:, :2] - places[:, 0, :2]
+        ahead = np.sum(away * along, axis=1)
+        beyond = (ahead < 0.0) | (ahead > 1.2 * np.linalg.norm(trunk, axis=1))
+        beside = beyond | (np.linalg.norm(away - ahead[:, None] * along, axis=1) > aside * size)
+        rests = lying & still & beside & (height < highest * size)
+        rests = binary_opening(rests, np.ones(max(1, round(0.3 * frame_rate))))
+        smooth = gaussian_filter1d(np.where(rests, np.maximum(height, 0.0), 0.0), 0.1 * frame_rate, mode="nearest")
+        return np.where(rests.any(), smooth, 0.0)
+
+    for side in SIDES:
+        hand = np.minimum(heights[f"{side}_hand"], heights[f"{side}_forearm"])
+        foot = np.minimum(heights[f"{side}_foot"], heights[f"{side}_shank"])
+        for chain, low, aside in (("shoulder elbow wrist", hand, 0.24), ("hip knee ankle", foot, 0.0)):
+            names = [f"{side}_{joint}" for joint in chain.split()]
+            shift = drop(names[-1], low, 0.2, aside)
+            if shift.any():
+                _move_end(rig, joints, places, names, -shift)
+    nod = drop("head", heights["head"], 0.2, 0.0)
+    if nod.any():
+        _raise_head(rig, joints, -np.minimum(nod, 0.06 * size))
 
 
 def _lift(under: FloatArray, width: float) -> FloatArray:
@@ -73,7 +115,7 @@ def _rest_arm(
     hovering = np.where(supports, np.maximum(np.minimum(hand, forearm - palm), 0.0), 0.0)
     shift -= gaussian_filter1d(hovering, width / 2.0, mode="nearest")
     if shift.any():
-        _move_wrist(rig, joints, places, side, shift)
+        _move_end(rig, joints, places, [f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist")], shift)
     for _ in range(2):
         heights = part_heights(rig, joints, translation, arm)
         under = _lift(-np.min(list(heights.values()), axis=0), width)
@@ -89,15 +131,15 @@ def _places(rig: Rig, joints: FloatArray, translation: FloatArray) -> FloatArray
     return forward_kinematics(joints, translation, rig.skeleton.offsets, rig.skeleton.parents)
 
 
-def _move_wrist(rig: Rig, joints: FloatArray, places: FloatArray, side: str, shift: FloatArray) -> None:
-    """Raise the wrist by `shift` (frame,) [m] with shoulder and elbow; the hand keeps its orientation."""
-    shoulder, elbow, wrist = (JOINT[f"{side}_{j}"] for j in ("shoulder", "elbow", "wrist"))
-    lengths = rig.skeleton.length(f"{side}_elbow"), rig.skeleton.length(f"{side}_wrist")
-    pole = -(joints[:, shoulder] @ X + joints[:, elbow] @ X)
+def _move_end(rig: Rig, joints: FloatArray, places: FloatArray, names: list[str], shift: FloatArray) -> None:
+    """Raise the end of a limb, of joints `names`, by `shift` (frame,) [m]; hand or foot keeps its orientation."""
+    first, middle, end = (JOINT[name] for name in names)
+    lengths = rig.skeleton.length(names[1]), rig.skeleton.length(names[2])
+    pole = (joints[:, first] + joints[:, middle]) @ (X if names[0].endswith("hip") else -X)
     # relative to the solution without a shift, so that none turns nothing
-    _, *before = two_bone(places[:, shoulder], places[:, wrist], pole, *lengths)
-    _, *after = two_bone(places[:, shoulder], places[:, wrist] + shift[:, None] * Z, pole, *lengths)
-    for joint, old, new in zip((shoulder, elbow), before, after, strict=True):
+    _, *before = two_bone(places[:, first], places[:, end], pole, *lengths)
+    _, *after = two_bone(places[:, first], places[:, end] + shift[:, None] * Z, pole, *lengths)
+    for joint, old, new in zip((first, middle), before, after, strict=True):
         joints[:, joint] = new @ transpose(old) @ joints[:, joint]
 
 
@@ -129,7 +171,7 @@ def _bend_wrist(rig: Rig, joints: FloatArray, side: str, under: FloatArray) -> N
 
 
 def _raise_head(rig: Rig, joints: FloatArray, under: FloatArray) -> None:
-    """Bend the neck so that the head rises by `under` (frame,) [m]."""
+    """Bend the neck so that the head rises by `under` (frame,) [m], or sinks."""
     along = joints[:, JOINT["neck"]] @ normalised(rig.skeleton.offsets[JOINT["head"]])
     _raise(joints, [JOINT["neck"], JOINT["head"]], along, along, under / (2.0 * rig.skeleton.length("head")))
 
@@ -142,6 +184,6 @@ def _raise(joints: FloatArray, moved: list[int], along: FloatArray, towards: Flo
     reach = np.maximum(np.hypot(level, along[:, 2]), 1e-6)
     angle = np.arcsin(np.clip((along[:, 2] + lift) / reach, -1.0, 1.0)) - np.arctan2(along[:, 2], level)
     axis = np.stack([ahead[:, 1], -ahead[:, 0], np.zeros(len(along))], axis=-1)
-    rotation = about(axis, np.where(lift > 0.0, angle, 0.0))
+    rotation = about(axis, np.where(lift != 0.0, angle, 0.0))
     for joint in moved:
         joints[:, joint] = rotation @ joints[:, joint]

@@ -61,7 +61,7 @@ def rested(clip: str, person_name: str) -> tuple[BodySequence, FloatArray]:
     return sequence, lowest(rig, sequence)
 
 
-def test_heights_of_parts_are_those_of_the_skin():
+def test_heights_of_parts_are_those_of_the_skin() -> None:
     rig = body("adult")
     sequence = animate(rig, MotionLibrary().motion("accad_f1_A08_CrouchToLie"))
     for t in (0.0, 2.0, 5.0):
@@ -70,35 +70,35 @@ def test_heights_of_parts_are_those_of_the_skin():
 
 
 @pytest.mark.parametrize("name", CARRIED)
-def test_what_carries_a_body_is_on_the_floor(name: str):
+def test_what_carries_a_body_is_on_the_floor(name: str) -> None:
     _, heights = rested(CARRIED[name], "adult")
     assert heights.min() > -0.02
     assert np.mean(heights < 0.03) > 0.97
 
 
 @pytest.mark.parametrize("person_name", ["child", "heavy"])
-def test_bodies_of_any_size_lie_on_the_floor(person_name: str):
+def test_bodies_of_any_size_lie_on_the_floor(person_name: str) -> None:
     for clip in ("accad_f1_A09_LieT2", "hdm05_bd_lieDownFloor_002"):
         _, heights = rested(clip, person_name)
         assert heights.min() > -0.02
         assert heights.max() < 0.03
 
 
-def test_who_lies_keeps_still():
+def test_who_lies_keeps_still() -> None:
     """No jumps that a radar would see: the clip itself moves the pelvis by less than 5 cm/s."""
     sequence, _ = rested("accad_m1_A9_LieDown", "adult")
     speed = np.abs(np.diff(sequence.translation[:, 2])) * sequence.frame_rate
     assert speed.max() < 0.1
 
 
-def test_a_body_on_its_way_down_gains_little_speed():
+def test_a_body_on_its_way_down_gains_little_speed() -> None:
     rig, motion = body("heavy"), MotionLibrary().motion("hdm05_bd_lieDownFloor_002")
     added = animate(rig, motion).translation[:, 2] - root_translation(motion, rig.skeleton)[:, 2]
     speed = np.abs(np.diff(gaussian_filter1d(added, 1.0))) * motion.frame_rate
     assert np.percentile(speed, 95) < 0.2
 
 
-def test_flights_stay_flights():
+def test_flights_stay_flights() -> None:
     clip = "cmu_13_39"
     _, heights = rested(clip, "adult")
     source = MotionLibrary().motion(clip).translation[:, 2]
@@ -107,12 +107,12 @@ def test_flights_stay_flights():
     assert np.median(heights) == pytest.approx(0.0, abs=0.01)
 
 
-def test_who_climbs_stays_up():
+def test_who_climbs_stays_up() -> None:
     _, heights = rested("cmu_13_35", "adult")
     assert heights.max() > 0.5
 
 
-def test_a_body_that_hovers_comes_down():
+def test_a_body_that_hovers_comes_down() -> None:
     """As in recordings with a wrong floor: who lies 0.3 m too high lies on the floor."""
     motion = MotionLibrary().motion("accad_f1_A08_CrouchToLie")
     falls = np.interp(np.arange(len(motion.translation)), [0, 40, 60, 200], [0.0, 0.0, 0.3, 0.3])
@@ -123,13 +123,13 @@ def test_a_body_that_hovers_comes_down():
     assert heights.min() > -0.02
 
 
-def test_a_motion_for_the_body_that_is_on_the_floor_stays_as_it_is():
+def test_a_motion_for_the_body_that_is_on_the_floor_stays_as_it_is() -> None:
     rig = body("adult")
     motion = KinematicSource(30.0)("jump", 2.0, 0, skeleton=rig.skeleton)
     np.testing.assert_array_equal(animate(rig, motion).translation, motion.translation)
 
 
-def test_hands_are_bent_up_instead_of_going_through_the_floor():
+def test_hands_are_bent_up_instead_of_going_through_the_floor() -> None:
     rig, motion = body("adult"), MotionLibrary().motion("accad_f1_A11_CrawlForward")
     own = part_heights(rig, joint_rotations(motion), root_translation(motion, rig.skeleton))
     assert min(own["left_hand"].min(), own["right_hand"].min()) < -0.1
@@ -140,7 +140,7 @@ def test_hands_are_bent_up_instead_of_going_through_the_floor():
 @pytest.mark.slow
 @pytest.mark.parametrize("person_name", PEOPLE)
 @pytest.mark.parametrize("action", sorted(performable()))
-def test_every_action_is_done_on_the_floor(action: str, person_name: str):
+def test_every_action_is_done_on_the_floor(action: str, person_name: str) -> None:
     rig = body(person_name)
     for seed in (0, 1):
         heights = lowest(rig, animate(rig, perform(action, 4.0, seed, skeleton=rig.skeleton)))
@@ -149,6 +149,6 @@ def test_every_action_is_done_on_the_floor(action: str, person_name: str):
             assert np.percentile(heights, 30) < 0.03
 
 
-def test_sizes_of_the_bodies_differ():
+def test_sizes_of_the_bodies_differ() -> None:
     assert body("child").skeleton.leg_length() < 0.65 * MEAN_ADULT.leg_length()
     assert body("heavy").mass > 110.0
