@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from rfgen_sionna.generative.action_catalogue import ACTION_CLAUSES
+from rfgen_sionna.generative.performing import performable
 from rfgen_sionna.generative.prompts.action_reader import ActionReader, ActionReading
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.text_reader import AFTERWARDS
@@ -102,7 +103,7 @@ def read_action(phrase: str) -> ActionReading:
 
 @cache
 def _reader() -> ActionReader:
-    return ActionReader()
+    return ActionReader(performable())
 
 
 def _open(action: str, phrase: str) -> tuple[str, ...]:

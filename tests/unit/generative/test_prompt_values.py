@@ -171,7 +171,7 @@ def test_ways_as_the_radar_sees_them() -> None:
         ("walks radially", 0.0),
         ("walks back to the radar", 0.0),
         ("walks backwards away from the radar", 0.0),
-        ("falls backwards, towards the radar", 180.0),
+        ("walks backwards, towards the radar", 180.0),
     ):
         assert read_prompt(f"a person {words}, 3 m away").orientation_deg == angle, words
     across = {read_prompt("a person walks tangentially", seed=seed).orientation_deg for seed in range(12)}
@@ -194,8 +194,8 @@ def test_a_manner_stands_in_the_report_and_in_the_negative_prompt() -> None:
     [
         ("a person stands quickly", "quickly"),
         ("a person sits, repeatedly", "repeatedly"),
-        ("a person falls again and again", "again and again"),
-        ("a woman falls to the left", "to the left"),
+        ("a person sits down again and again", "again and again"),
+        ("a person sidesteps to the left", "to the left"),
         ("a person walks 10 steps", "10 steps"),
         ("a person jumps 5 cm high", "5 cm high"),
         ("a person walks with the left hand", "with the left hand"),

@@ -61,7 +61,7 @@ PARAPHRASES = {
     "click": ["a person clicks with the right index finger", "a person taps in the air"],
     "finger_swing": ["Person wags the index finger back and forth", "finger swing"],
     "standing": ["human standing motionless", "A person is idle", "the driver stands still"],
-    "fall_backward": ["grandpa falls backwards", "a patient is falling over backwards, at 2 to 3 m"],
+    "fall": ["grandpa falls down", "a patient is falling over, at 2 to 3 m"],
     "sit_down": ["an elderly lady sits down"],
     "wave": ["the teacher waves", "somebody is waving"],
     "crawl": ["a toddler is crawling on all fours"],
