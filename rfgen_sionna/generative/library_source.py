@@ -97,7 +97,7 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
     wanted = size * speed if asked is None else asked
     stops = Stops.drawn(count, RATE, rng, manner.pauses)
     way = floor_way(path, duration, wanted, gait_period(gait), rng)
-    if manner.speed_mps is not None:
+    if manner.speed_mps is not None or own:
         # the mean speed counts, and half turns are slower
         share = float(np.interp(np.linspace(0.0, duration, 200), way.t, way.speed).mean() / wanted)
         faster = 1.0 / max(share, 0.6)
