@@ -36,6 +36,8 @@ def wave(s: MotionSignals) -> Requirements:
         runs = [slice(a, b) for a, b in stretches(up) if b - a > 4] or [slice(0, 0)]
         best = max(runs, key=lambda run: swings(hand[run, 1], 0.06) if len(hand[run]) else -1)
         moved = hand[best].std(axis=0) if len(hand[best]) else np.zeros(3)
+        other = s.ahead(s.pair("wrist") - s.pair("elbow"))[best, 1 - side]
+        waves_too = len(other) > 0 and other[:, 2].min() > 0.0 and swings(other[:, 1], 0.06) >= 3
         return [
             at_least(
                 "swings from side to side of a raised forearm by 6 cm",
@@ -45,7 +47,9 @@ def wave(s: MotionSignals) -> Requirements:
             at_least("way from side to side over the way ahead", moved[1] / max(moved[0], 1e-9), 0.7),
             at_least("share of time on the feet or seated", share(s.inclination < 40.0), 0.9),
             at_most(
-                "median of the other hand over its shoulder [m]", np.median(s.hands_over_shoulders[:, 1 - side]), 0.1
+                "median of the other hand, unless it waves too, over its shoulder [m]",
+                -1.0 if waves_too else np.median(s.hands_over_shoulders[:, 1 - side]),
+                0.1,
             ),
             at_most("longest flight [s]", s.longest_flight, 0.15),
         ]

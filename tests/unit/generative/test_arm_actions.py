@@ -118,6 +118,13 @@ def test_a_named_hand_waves():
         assert s.hands_over_shoulders[:, 1 - k].max() < -0.2
 
 
+def test_both_hands_wave_in_step():
+    s = made("wave", 3.0, 1, hand="both")
+    assert is_true_of(s, "wave")
+    assert s.hands_over_shoulders.min() > 0.0
+    assert np.corrcoef(s.wrists[:, 0, 1], -s.wrists[:, 1, 1])[0, 1] > 0.9
+
+
 def test_small_waves_are_small_and_slow_ones_slow():
     def width(**manner) -> float:
         s = made("wave", 3.0, 5, hand="right", **manner)
