@@ -38,7 +38,7 @@ _POSED = 1.5
 """Time after which a posture of the arms no longer changes [s]."""
 _STOOP = float(np.radians(14.0))
 """Bend of the trunk of who is tired [rad]."""
-_LOW, _SLOW = 0.035, 0.35
+_LOW, _SLOW = 0.035, 0.6
 """Height over the floor [m] and speed [m/s] under which a foot stands."""
 _MOVES = 0.5
 """Speed from which a foot is not planted [m/s]."""
