@@ -102,8 +102,8 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
     mapped = dict(_on_the_way(each, said) for each in choice.options)
     action, options = _draw("action", tuple(mapped), forbidden, seed, negative, prompt, origins)
     path = mapped[action]
-    without = ("repeated",) if action in _HELD else ()
-    if action in _STILL:
+    without: tuple[str, ...] = ("repeated",) if action in _HELD and not choice.arms else ()
+    if action in _STILL and not choice.arms:
         without, one = ("repeated", "pace", "amplitude"), {"arm posture": one["arm posture"]}
     arms = ""
     if choice.arms:
