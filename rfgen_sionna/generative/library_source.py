@@ -15,9 +15,11 @@ from rfgen_sionna.generative.motion.clip_editing import flights, scaled
 from rfgen_sionna.generative.motion.floor_ways import Stops, along, floor_way, gait_period, own_speed, own_way
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.repertoire import HELD, JUMPS, LEAPS, ONCE, OWN_PATHS, WAYS, windows
+from rfgen_sionna.generative.repertoire import BALLISTIC, HELD, JUMPS, LEAPS, ONCE, OWN_PATHS, WAYS, windows
 from rfgen_sionna.records import Motion
 
+_BALLISTIC = 0.3
+"""Share of the variation of pace of who falls or flies."""
 _UNEVEN = 0.05
 """Standard deviation of the difference in size between left and right."""
 _RATIOS = (0.5, 1.7)
@@ -54,7 +56,7 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
         strength: 1 for the usual variation of pace, size and evenness, 0 for none.
     """
     window, mirror = choose(action, rng, manner, duration, strength)
-    pace = manner.pace * float(rng.uniform(*PACES) ** strength)
+    pace = manner.pace * float(rng.uniform(*PACES) ** (strength * (_BALLISTIC if action in BALLISTIC else 1.0)))
     size = manner.size * float(rng.uniform(*SIZES) ** strength)
     uneven = strength * float(np.clip(rng.normal(0.0, _UNEVEN), -2.0 * _UNEVEN, 2.0 * _UNEVEN))
     if action in JUMPS:

@@ -53,7 +53,7 @@ def windows(folder: Path = FOLDER) -> dict[str, tuple[Window, ...]]:
 ONCE = frozenset(
     {
         "sit_down", "stand_up", "lie_down", "get_up", "fall", "fall_forward", "fall_backward", "fall_sideways",
-        "fall_from_chair", "faint", "slip", "stumble", "sit_down_heavily", "turn_around", "climb_stairs",
+        "fall_from_chair", "faint", "slip", "sit_down_heavily", "turn_around", "climb_stairs",
         "climb_ladder", "put_down",
     }
 )  # fmt: skip
@@ -71,12 +71,19 @@ OWN_PATHS: Mapping[str, str] = MappingProxyType(
 """Action -> kind of way that its name gives."""
 HELD = frozenset({"standing", "sit", "lie", "t_pose", "phone", "type", "drink"})
 """Actions that are held."""
-OFF_THE_FLOOR = frozenset({"climb_stairs", "climb_ladder", "handstand", "cartwheel", "flip"})
-"""Actions whose feet and pelvis are not set on the floor z = 0."""
 LEAPS = frozenset({"jump", "jump_forward", "hop", "leap", "skip"})
 """Jumps that may lead over the floor."""
 JUMPS = LEAPS | {"jump_twist"}
 """Actions that leave the floor; their height grows with their size."""
+BALLISTIC = JUMPS | frozenset(
+    {
+        "fall", "fall_forward", "fall_backward", "fall_sideways", "fall_from_chair", "faint", "slip", "stumble",
+        "sit_down_heavily", "cartwheel", "flip",
+    }
+)  # fmt: skip
+"""Actions whose pace gravity gives."""
+OFF_THE_FLOOR = frozenset({"climb_stairs", "climb_ladder", "handstand", "cartwheel", "flip"})
+"""Actions whose feet and pelvis are not set on the floor z = 0."""
 SIDED = frozenset(
     {
         "drink", "kick", "phone", "pick_up", "point", "punch", "put_down", "reach", "throw", "wash_window", "wave",
