@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.motion.resampling import resample_motion, runs
 from rfgen_sionna.generative.motion.rotations import continuous, to_matrices
-from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, forward_kinematics, global_rotations
+from rfgen_sionna.generative.motion.skeleton import JOINT, forward_kinematics, global_rotations
 from rfgen_sionna.records import Motion
 
 BLEND = 0.35
@@ -272,19 +270,9 @@ def reversed_in_time(motion: Motion) -> Motion:
     )
 
 
-def chained(pieces: list[Motion], blend: float = BLEND) -> Motion:
-    """Pieces one after the other."""
-    return reduce(lambda first, second: joined(first, second, blend), pieces)
-
-
 def flights(motion: Motion) -> list[tuple[int, int]]:
     """(first, last + 1) of each time without a planted foot, of 0.1 s to 0.9 s."""
     if motion.contacts is None:
         return []
     low, high = 0.1 * motion.frame_rate, 0.9 * motion.frame_rate
     return [(a, b) for a, b in runs(~motion.contacts.any(axis=1)) if low <= b - a <= high]
-
-
-def planted_feet(motion: Motion) -> NDArray[np.bool_]:
-    """(frame, side) contacts; none where they are unknown."""
-    return np.zeros((len(motion.translation), len(SIDES)), bool) if motion.contacts is None else motion.contacts
