@@ -46,6 +46,8 @@ _BORROWED = MappingProxyType(
 """Action -> actions of clips that hold it, too."""
 _LEFT_OUT = MappingProxyType({"carry": ("carry_run",)})
 """Action -> actions of clips that show it in another way than is meant."""
+_MADE = ("simulated", "edited")
+"""Kinds of clips that were made to show one action once."""
 _MANY = 3
 """Most windows of a clip."""
 _LENGTHS = (0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
@@ -84,7 +86,9 @@ def windows_of(clip: LibraryClip, motion: Motion, action: str, whole: dict[bool,
     found: list[tuple[int, int]] = []
     plain = next((side for side, true in shows.items() if true), None)
     search = [side for side in (False, True) if shows[side]] or [False, True]
-    for length in _LENGTHS:
+    if clip.kind in _MADE and plain is not None:
+        found = [_narrowed(versions[plain], action)]
+    for length in () if found else _LENGTHS:
         size = round(length * rate) + 1
         if size > frames:
             break
@@ -113,6 +117,16 @@ def windows_of(clip: LibraryClip, motion: Motion, action: str, whole: dict[bool,
             side, speed = _working_side(cut(motion, start, stop)), round(_mean_speed(part), 3)
             out.append(Window(clip.name, start, stop, mirror, first, last, side, speed))
     return out
+
+
+def _narrowed(motion: Motion, action: str) -> tuple[int, int]:
+    """Part of a motion that still shows the action, cut step by step at its end and then at its beginning."""
+    step, start, stop = round(_STEP * motion.frame_rate), 0, len(motion.translation)
+    while stop > 2 * step and check(cut(motion, 0, stop - step), action).true:
+        stop -= step
+    while stop - start > 2 * step and check(cut(motion, start + step, stop), action).true:
+        start += step
+    return start, stop
 
 
 def _widened(motion: Motion, action: str, start: int, stop: int) -> tuple[int, int]:
