@@ -126,6 +126,8 @@ class ActionReader:
         likely = [head.labels[i] for i in order]
         families = [label for label in likely if not label.startswith(REFUSED)]
         family, share = self._sure_of(families[0], probabilities)
+        if not set(actions_of(family, text)) & self.actions:
+            family = KINDS.get(family, family)
         options = actions_of(family, text)
         near = list(dict.fromkeys(a for each in (family, *families) for a in actions_of(each, text)))
         near = [action for action in near if action in self.actions]

@@ -161,7 +161,7 @@ def respelled(text: str, known: Collection[str], is_word: Callable[[str], bool])
         halves = [(word[:place], word[place:]) for place in range(1, len(word) + 1)]
         near = (
             *(a + b[1] + b[0] + b[2:] for a, b in halves if len(b) > 1),
-            *(a + b[1:] for a, b in halves if b and len(word) > _SHORT),
+            *(a + b[1:] for a, b in halves if len(b) > 1 and len(word) > _SHORT),
             *(a + letter + b for a, b in halves for letter in "abcdefghijklmnopqrstuvwxyz"),
         )
         return next((each for each in near if each in known), word)

@@ -62,6 +62,8 @@ def actions_of(family: str, text: str) -> tuple[str, ...]:
     """
     if family in ("sit", "lie") and re.search(rf"\b{family}s? down\b|\bsitting down\b", text):
         return (f"{family}_down",)
+    if family == "lie_down" and re.search(r"\b(?:lies|lying) (?:face|flat|prone|supine|still|on|in|there)\b", text):
+        return ("lie",)
     if family == "sit_down" and re.search(r"\b(?:sits|sitting|seated) (?:at|on|in|by|still|there)\b", text):
         return ("sit",)
     if family not in FAMILIES:
