@@ -34,7 +34,6 @@ POINTING = np.array([[0.1, 0.1, 0.05]] + [[1.25, 1.45, 0.8]] * 3 + [[0.35, 0.45,
 _BODY = ("turn", "bend", "lean", "nod", "look", "tilt", "pitch", "sink", "weight", "hangs")
 """What moves beside the hand: trunk and head [rad], pelvis down [m], share of the weight on the other foot, and whether
 the arm hangs, 1."""
-_MIRRORED = ("turn", "lean", "look", "tilt")
 _ARM = MEAN_ADULT.length("left_elbow") + MEAN_ADULT.length("left_wrist")
 _SLOWEST = 2.0
 """Factor on the usual time of a move beyond which a slower rhythm has rests instead."""
@@ -163,19 +162,10 @@ def perform(
         moved = dict(zip(_BODY, state[:, 9 : 9 + len(_BODY)].T, strict=True))
         if what.at is not None:
             _put(tracks, rng, side, what, state, rise * (1.0 - moved["hangs"]), at)
-        for name in _BODY[:8]:
-            share = sign if name in _MIRRORED else 1 if side == hand or sign else 0
-            if name in ("turn", "lean", "tilt"):
-                share = -share
-            value = share * (moved[name] + held[name] * (side == hand))
-            if name == "turn":  # hips and spine share it
-                tracks.yaw += 0.3 * value
-                tracks.turn += 0.7 * value
-            elif name == "sink":
-                tracks.pelvis[:, 2] -= value
-            else:
-                setattr(tracks, name, getattr(tracks, name) + value)
-        weight -= 0.5 * sign * (moved["weight"] + held["weight"] * (side == hand))
+        if side == hand:
+            moved = {name: moved[name] + held[name] for name in _BODY}
+        _move_body(tracks, moved, sign, side == hand or sign != 0)
+        weight -= 0.5 * sign * moved["weight"]
     if not isinstance(what.other, str):
         state = swings[0][1].copy()
         state[:, :3] *= what.follow * np.array([1.0, -1.0, 1.0])
@@ -189,6 +179,21 @@ def perform(
     fit_height(tracks)
 
 
+def _move_body(tracks: MotionTracks, moved: Mapping[str, FloatArray], sign: int, level: bool) -> None:
+    """Trunk, head and pelvis of one hand's states: what leans to a side by `sign` of its side, 1 the left, the rest if
+    `level`."""
+    tracks.yaw -= 0.3 * sign * moved["turn"]  # hips and spine share it
+    tracks.turn -= 0.7 * sign * moved["turn"]
+    tracks.lean -= sign * moved["lean"]
+    tracks.tilt -= sign * moved["tilt"]
+    tracks.look += sign * moved["look"]
+    if level:
+        tracks.bend += moved["bend"]
+        tracks.nod += moved["nod"]
+        tracks.pitch += moved["pitch"]
+        tracks.pelvis[:, 2] -= moved["sink"]
+
+
 def hold_arms(tracks: MotionTracks, rng: np.random.Generator, posture: str, sides: Sequence[str]) -> None:
     """Arms of `sides` in one of `ARM_POSTURES`, or with clasped hands."""
     if posture in ARM_HOLDS:
@@ -200,6 +205,7 @@ def hold_arms(tracks: MotionTracks, rng: np.random.Generator, posture: str, side
         return
     for side in sides:
         arm = tracks.arms[side]
+        arm.target, tracks.hands[side].aim = None, None
         for track in (arm.direction, arm.elbow):
             middle = track.mean(axis=0)
             track[:] = middle + 0.15 * (track - middle)

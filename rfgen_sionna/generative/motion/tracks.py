@@ -26,10 +26,6 @@ from rfgen_sionna.generative.motion.skeleton import (
 
 ARM_POLE = np.array([-1.0, 0.35, -0.6])
 """Default direction of the left elbow: back, slightly out and down; never along a hanging, lifted or stretched arm."""
-GESTURE_POLE = np.array([-0.35, 0.6, -1.0])
-"""Direction of the left elbow while the hand works in front of the chest."""
-ANCHORS = ("floor", "pelvis", "chest", "head", "shoulder")
-"""Frames for the place of a hand; those of chest and shoulder have the axes of the chest."""
 _MOST_BENT = np.radians(147.0)
 """Largest flexion of an elbow [rad]."""
 _WRIST_REACH = np.radians([78.0, 68.0, 19.0])
@@ -72,7 +68,8 @@ class Arm:
     target_weight: FloatArray | None = None
     """(n,) 0 .. 1."""
     anchor: str = "floor"
-    """One of `ANCHORS`: "floor" for the world, "chest" for the middle between the shoulders."""
+    """Frame of the target: "floor" for the world, "pelvis", "head", "shoulder", or "chest" for the middle between the
+    shoulders; the last two have the axes of the chest."""
 
 
 @dataclass
@@ -280,7 +277,13 @@ class MotionTracks:
             return hand.pronation, hand.flexion, hand.deviation
         frames = g[:, JOINT["spine3"]] @ basis(*np.moveaxis(hand.aim * [1.0, s, 1.0], 1, 0))
         turned = transpose(g[:, JOINT[f"{side}_elbow"]]) @ from_rest(frames, s * Y, -Z)
-        angles = Rotation.from_matrix(turned).as_euler("YXZ") * [1.0, -s, -s]
+        # twist about the forearm, then swing: without jumps unless the hand folds back on it
+        rotation = Rotation.from_matrix(turned)
+        quaternion = rotation.as_quat()
+        twist = np.unwrap(2.0 * np.arctan2(quaternion[:, 1], quaternion[:, 3]))
+        twist -= 2.0 * np.pi * np.round(twist[0] / (2.0 * np.pi))
+        swing = (Rotation.from_rotvec(-twist[:, None] * Y) * rotation).as_rotvec()
+        angles = np.stack([twist, -s * swing[:, 0], -s * swing[:, 2]], axis=-1)
         angles = np.sign(angles) * soft_limit(np.abs(angles), _WRIST_REACH, 0.3)
         weight = np.ones(self.n) if arm.target_weight is None else arm.target_weight
         mixed: FloatArray = own + weight[:, None] * (angles - own)

@@ -159,6 +159,8 @@ def test_arms_that_work_take_no_posture():
 def test_hanging_arms_swing_less_than_free_ones():
     free, hanging = made("walk_straight", 3.0, 1), made("walk_straight", 3.0, 1, arm_posture="hanging")
     assert np.ptp(hanging.wrists[..., 0], axis=0).max() < 0.4 * np.ptp(free.wrists[..., 0], axis=0).max()
+    for seed in range(4):
+        assert made("standing", 1.0, seed, arm_posture="hanging").arm_elevation.max() < 40.0
 
 
 def with_arms(legs: Motion, arms: Motion) -> Motion:
