@@ -79,7 +79,7 @@ def catches_itself(motion: Motion) -> bool:
     """Whether a walk with a stumble is one: feet on the floor, no faster than people, planted ones still."""
     s = MotionSignals(motion)
     turns = np.linalg.norm(np.diff(s.joints, 2, axis=0), axis=-1) * RATE**2
-    slides = np.where(motion.contacts, s.foot_speed, 0.0) if len(s.time) == len(motion.translation) else np.inf
+    slides = s.foot_speed * np.asarray(motion.contacts)
     return bool(
         check(s, "stumble").true
         and motion.duration >= 2.4

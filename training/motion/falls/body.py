@@ -155,26 +155,18 @@ def model_xml(
     world = ElementTree.SubElement(root, "worldbody")
     # soft tissue gives way by a centimetre or two; condim 6 has friction against twisting and rolling as well
     tissue = {"solref": "0.025 1.0", "solimp": "0.8 0.97 0.02", "condim": "6"}
-    ElementTree.SubElement(
-        world, "geom", name="floor", type="plane", size="20 20 1", friction="0.7 0.02 0.01", priority="0", **tissue
-    )
+    floor = {"name": "floor", "type": "plane", "size": "20 20 1", "friction": "0.7 0.02 0.01"}
+    ElementTree.SubElement(world, "geom", floor | tissue)
     if seat is not None:
         stool = ElementTree.SubElement(
             world, "body", name="seat", pos=_text(seat[:3]), euler=f"0 0 {np.degrees(seat[3]):.4f}"
         )
         smooth = {"friction": "0.9 0.02 0.01" if back else "0.4 0.01 0.005", "priority": "1"} | tissue
-        ElementTree.SubElement(stool, "geom", name="seat", type="box", pos="0 0 -0.02", size="0.19 0.2 0.02", **smooth)
+        plate = {"name": "seat", "type": "box", "pos": "0 0 -0.02", "size": "0.19 0.2 0.02"}
+        ElementTree.SubElement(stool, "geom", plate | smooth)
         if back:
-            ElementTree.SubElement(
-                stool,
-                "geom",
-                name="back",
-                type="box",
-                pos="-0.26 0 0.27",
-                euler="0 -12 0",
-                size="0.015 0.2 0.25",
-                **smooth,
-            )
+            plate = {"name": "back", "type": "box", "pos": "-0.26 0 0.27", "euler": "0 -12 0", "size": "0.015 0.2 0.25"}
+            ElementTree.SubElement(stool, "geom", plate | smooth)
     bodies: dict[str, ElementTree.Element] = {}
     offsets = offsets_of(size)
     for name in NAMES:
@@ -212,7 +204,7 @@ def _add_joint(body: ElementTree.Element, name: str, start: FloatArray | None) -
         )  # fmt: skip
 
 
-def _add_shapes(body: ElementTree.Element, name: str, size: float, mass: float, tissue: Mapping[str, str]) -> None:
+def _add_shapes(body: ElementTree.Element, name: str, size: float, mass: float, tissue: dict[str, str]) -> None:
     kind = kind_of(name)
     mirror = np.array([1.0, -1.0, 1.0]) if name.startswith("right_") else np.ones(3)
     for k, (form, share, numbers) in enumerate(_SHAPES[kind]):
@@ -222,11 +214,10 @@ def _add_shapes(body: ElementTree.Element, name: str, size: float, mass: float, 
             if form == "inner":
                 own |= {"contype": "0", "conaffinity": "0"}
             ends = np.concatenate([values[:3] * mirror, values[3:6] * mirror])
-            ElementTree.SubElement(body, "geom", type="capsule", fromto=_text(ends), size=_text(values[6:]), **own)
+            own |= {"type": "capsule", "fromto": _text(ends), "size": _text(values[6:])}
         else:
-            ElementTree.SubElement(
-                body, "geom", type="box", pos=_text(values[:3] * mirror), size=_text(values[3:]), **own
-            )
+            own |= {"type": "box", "pos": _text(values[:3] * mirror), "size": _text(values[3:])}
+        ElementTree.SubElement(body, "geom", own)
 
 
 def _text(values: object) -> str:

@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from rfgen_sionna.generative.action_definitions import MotionSignals
+from rfgen_sionna.generative.action_definitions.sampled_series import rate_of
 from rfgen_sionna.generative.motion_library import MotionLibrary
 from rfgen_sionna.records import Motion
 from rfgen_sionna.show.stick_figures import POSES, stick_figures
@@ -22,20 +23,19 @@ SHOWN = {
     "sim_trip_000": "trips and falls forward",
     "sim_backward_000": "falls backward",
     "sim_left_000": "falls to the left",
-    "sim_slip_000": "slips",
+    "sim_slip_003": "slips",
     "sim_faint_000": "faints",
     "sim_from_chair_000": "falls off a chair",
 }
 """Clip -> title of its row."""
-_LENGTH, _BEFORE = 1.8, 1.2
-"""Time that a row shows, and time before the lowest head at which it begins [s]."""
+_LENGTH, _BEFORE = 1.8, 1.0
+"""Time that a row shows, and time before the fastest descent of the head at which it begins [s]."""
 
 
 def around_the_fall(motion: Motion) -> Motion:
     """The part in which the person falls."""
-    head = MotionSignals(motion).head_height
-    down = int(np.argmax(head < head.min() + 0.1))
-    first = max(0, down - round(_BEFORE * motion.frame_rate))
+    fastest = int(np.argmin(rate_of(MotionSignals(motion).head_height)))
+    first = max(0, fastest - round(_BEFORE * motion.frame_rate))
     rows = slice(first, first + round(_LENGTH * motion.frame_rate) + 1)
     return replace(motion, rotations=motion.rotations[rows], translation=motion.translation[rows], contacts=None)
 

@@ -78,15 +78,16 @@ def draw(kind: str, starts: Mapping[str, Sequence[Start]], random: np.random.Gen
     """
     size = float(np.clip(random.normal(1.0, 0.05), 0.9, 1.12))
     # body mass index 20 to 30: the girth of the shapes stays true enough
-    body = {"size": size, "mass": random.uniform(20.0, 30.0) * (1.70 * size) ** 2}
+    mass = float(random.uniform(20.0, 30.0) * (1.70 * size) ** 2)
     place, values = KINDS[kind](random)
-    body["uneven"] = random.uniform(-0.35, 0.35) * (0.1 if kind == "sink" else 1.0)
+    uneven = random.uniform(-0.35, 0.35) * (0.1 if kind == "sink" else 1.0)
     among = starts[place]
     # a clip first, then one of its moments: long clips count no more than short ones
     names = sorted({each.clip.name for each in among})
     name = names[int(random.integers(len(names)))]
     own = [each for each in among if each.clip.name == name]
-    return Scenario(kind=kind, start=own[int(random.integers(len(own)))], **body, **values)
+    start = own[int(random.integers(len(own)))]
+    return Scenario(kind=kind, start=start, size=size, mass=mass, uneven=uneven, **values)
 
 
 _Values = tuple[str, dict[str, Any]]
