@@ -101,7 +101,8 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
     ),
     "throw": KeyedGesture(
         (
-            Key((0.45, 0.8), ((-0.3, -0.22), (0.08, 0.16), (0.05, 0.14)), fingers=(-0.4, 0.1, 1.0), curl=GRIP,
+            Key((0.45, 0.8), ((-0.3, -0.22), (0.08, 0.16), (0.05, 0.14)), fingers=(-0.4, 0.1, 1.0),
+                palm=(1.0, 0.0, 0.4), curl=GRIP,
                 body={"turn": (-0.55, -0.3), "bend": (-0.15, -0.05), "weight": (-0.4, -0.15), "look": (-0.4, -0.2)}),
             Key((0.18, 0.26), ((0.08, 0.14), (-0.08, 0.02), (0.02, 0.1)), swift=True, curl=OPEN_HAND,
                 body={"turn": (0.25, 0.5), "bend": (0.1, 0.25), "weight": (0.2, 0.45), "look": (0.0, 0.2)}),
@@ -190,7 +191,8 @@ GESTURES: Mapping[str, KeyedGesture | tuple[KeyedGesture, ...]] = {
     "hands_in_pockets": ARM_HOLDS["in_pockets"],
     "beckon": KeyedGesture(
         (
-            Key((0.22, 0.38), ((-0.1, -0.05), (-0.05, 0.0), (0.06, 0.12)), fingers=(-0.3, -0.5, 1.0), curl=GRIP),
+            Key((0.22, 0.38), ((-0.1, -0.05), (-0.05, 0.0), (0.06, 0.12)), fingers=(-0.3, -0.5, 1.0),
+                palm=(-0.9, -0.3, -0.2), curl=GRIP),
             Key((0.22, 0.38), ((0.05, 0.1), (0.0, 0.03), (-0.06, 0.0)), fingers=(0.9, 0.0, 0.5)),
         ),
         ((0.24, 0.32), (0.0, 0.14), (-0.12, 0.05)), palm=(-0.6, -0.5, 0.6), flows=True, repeats=2.2,

@@ -12,7 +12,7 @@ from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSi
 from rfgen_sionna.generative.action_definitions.sampled_series import RATE, turning_points
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
-from rfgen_sionna.generative.motion.arm_actions import GESTURES
+from rfgen_sionna.generative.motion.arm_actions import CIRCLES, FINGER_SWING, GESTURES, SWIPES
 from rfgen_sionna.generative.motion.limits import LIMITS, joint_angles
 from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES, global_rotations
@@ -211,3 +211,14 @@ def test_hands_shake_where_two_people_meet():
 def test_every_daily_action_is_defined():
     assert set(DAILY) <= set(DEFINED_ACTIONS)
     assert len(DAILY) >= 35
+
+
+def test_palms_are_across_the_fingers_at_every_key_and_between():
+    """A hand is aimed by both: along one another they leave its turn open."""
+    for gestures in (*GESTURES.values(), *CIRCLES.values(), *SWIPES.values(), FINGER_SWING):
+        for what in gestures if isinstance(gestures, tuple) else (gestures,):
+            aims = np.array([[key.fingers or what.fingers, key.palm or what.palm] for key in what.keys])
+            for share in np.linspace(0.0, 1.0, 5):
+                mixed = aims + share * (np.roll(aims, 1, axis=0) - aims)
+                unit = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+                assert np.abs((unit[:, 0] * unit[:, 1]).sum(axis=-1)).max() < 0.85
