@@ -313,7 +313,12 @@ def lift(s: MotionSignals) -> Requirements:
 
 @defines("crawl", "Hands at the floor and face down most of the time, on the way, the hands in turn.")
 def crawl(s: MotionSignals) -> Requirements:
-    four = (s.hand_height.min(axis=1) < 0.25) & (s.inclination > 45.0) & (s.pelvis_height < 0.75) & (s.front < 0.2)
+    four = (
+        (s.hand_height.min(axis=1) < 0.25)
+        & (s.inclination > 45.0)
+        & (np.abs(s.pelvis_height - 0.47) < 0.28)
+        & (s.front < 0.2)
+    )
     return [
         at_least("share of time with hands at the floor, face down", share(four), 0.6),
         at_least("way over the floor [m]", s.path, 0.4),
