@@ -73,8 +73,8 @@ def choose(
         options = [each for each in options if each.speed > _SLOWEST_CLIP]
     if action == "hop":
         options = [each for each in options if each.speed < _FASTEST_HOP]
-    if manner.speed_mps is not None:
-        near = sorted(options, key=lambda each: abs(np.log(max(each.speed, 0.05) / manner.speed_mps)))
+    if (wanted := manner.speed_mps) is not None:
+        near = sorted(options, key=lambda each: abs(np.log(max(each.speed, 0.05) / wanted)))
         options = near[: max(6, len(near) // 6)]
     people = sorted({clip_record(each.clip).subject for each in options})
     person = people[int(rng.integers(len(people)))]

@@ -275,4 +275,4 @@ def flights(motion: Motion) -> list[tuple[int, int]]:
     if motion.contacts is None:
         return []
     low, high = 0.1 * motion.frame_rate, 0.9 * motion.frame_rate
-    return [(a, b) for a, b in runs(~motion.contacts.any(axis=1)) if low <= b - a <= high]
+    return [(a, b) for a, b in runs(np.asarray(~motion.contacts.any(axis=1))) if low <= b - a <= high]
