@@ -8,6 +8,8 @@ PATHS = ("straight", "to_and_fro", "circle", "loop")
 """Ways over the floor: one line, back and forth, round a circle, around a room."""
 ARM_POSTURES = ("hanging", "on_hips", "folded", "behind_back", "in_pockets")
 """Postures of arms that the action leaves free."""
+LYING = ("back", "stomach", "side", "left_side", "right_side")
+"""Parts of the body that the floor carries; of "side" the seed draws which."""
 
 _TIRED = 0.75
 """Pace and size of the movements of who is tired, of the usual ones."""
@@ -33,6 +35,8 @@ class Manner:
     """One of `ARM_POSTURES`."""
     tired: bool = False
     """Slow, stooped and with small movements."""
+    lying: str | None = None
+    """Part of the body that somebody lies on, one of `LYING`."""
     hand: str | None = None
     """"left", "right" or "both", where an action lets the hand be chosen."""
 

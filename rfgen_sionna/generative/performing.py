@@ -155,6 +155,8 @@ def _check_manner(action: str, manner: Manner) -> None:
     own = OWN_PATHS.get(action)
     if own is not None and manner.path not in (None, own):
         raise PromptError(f"path: {manner.path!r} with {action!r}; ask for a walk")
+    if manner.lying is not None and action != "lie":
+        raise PromptError(f"lying: {manner.lying!r} with {action!r}; leave it out, or ask for 'lie'")
     if manner.rate is not None and (action in ONCE or action in HELD):
         raise PromptError(f"rate: {action!r} is not repeated; leave it out")
 
@@ -186,6 +188,8 @@ def trials(
     sources = performable()[action]
     if (manner.amplitude is not None or manner.rate is not None) and action not in WAYS and "rules" in sources:
         sources = ("rules", *(each for each in sources if each != "rules"))  # they keep numbers
+    elif manner.lying is not None:
+        sources = ("rules",)  # clips are not sorted by it
     elif action in FEW_CLIPS and strength > 0.0 and np.random.default_rng([seed, len(sources)]).uniform() < 0.6:
         sources = sources[::-1]
     for source in sources:

@@ -27,10 +27,14 @@ def _size(tracks: MotionTracks) -> float:
 
 
 def lie(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
-    """Lies on the back, on a side or on the stomach, nearly still."""
+    """Lies on the back, on a side or on the stomach, nearly still; the manner may give which."""
     _breathe(tracks, rng)
-    place = rng.choice(["back", "side", "stomach"], p=[0.5, 0.3, 0.2])
-    {"back": _on_the_back, "side": _on_a_side, "stomach": _on_the_stomach}[place](tracks, rng)
+    drawn = str(rng.choice(["back", "side", "stomach"], p=[0.5, 0.3, 0.2]))
+    place = manner.lying or drawn
+    if place.endswith("side"):
+        _on_a_side(tracks, rng, place.removesuffix("side").strip("_"))
+    else:
+        {"back": _on_the_back, "stomach": _on_the_stomach}[place](tracks, rng)
     turn = rng.uniform(-np.pi, np.pi)
     _turned(tracks, turn)
 
@@ -73,10 +77,12 @@ def _on_the_stomach(tracks: MotionTracks, rng: np.random.Generator) -> None:
     _lay_arms(tracks, rng, supine=False)
 
 
-def _on_a_side(tracks: MotionTracks, rng: np.random.Generator) -> None:
-    """Both knees drawn up; the lower arm ahead, the upper one before the chest or along the body."""
+def _on_a_side(tracks: MotionTracks, rng: np.random.Generator, lower: str = "") -> None:
+    """Both knees drawn up; the lower arm ahead, the upper one before the chest or along the body. Empty `lower`: the
+    seed draws the side on the floor."""
     size = _size(tracks)
-    lower = SIDES[int(rng.uniform() < 0.5)]
+    drawn = SIDES[int(rng.uniform() < 0.5)]
+    lower = lower or drawn
     s = side_sign(lower)
     tracks.pelvis[:] = [0.0, 0.0, _SIDE * size]
     tracks.roll[:] = -s * np.pi / 2

@@ -12,6 +12,7 @@ from rfgen_sionna.generative.performing import performable
 from rfgen_sionna.generative.prompts.action_reader import ActionReader, ActionReading
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.text_reader import AFTERWARDS
+from rfgen_sionna.generative.prompts.unmade_variants import refuse_passive, refuse_unmade
 from rfgen_sionna.generative.prompts.vocabulary import FILLERS
 from rfgen_sionna.generative.prompts.word_order import FAMILIES, limb_side
 
@@ -28,6 +29,11 @@ _NO_NEWS = FILLERS | {
     "towards", "toward", "leftwards", "rightwards", "forward", "forwards", "backwards", "t", "y", "kept", "both",
 }  # fmt: skip
 """Words whose absence from the wordings of an action means nothing."""
+_COUNTS = (
+    r"\b(?:once|twice|thrice|(?:two|three|four|five|six|seven|eight|nine|ten|twelve|twenty)"
+    r"(?= (?:times|[a-z]+s\b))(?: times)?)\b(?! (?:hands|arms|feet|legs|fists|fingers))"
+)
+"""Numbers of repetitions: the duration gives these."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +59,14 @@ def choose_action(clauses: Sequence[str], prompt: str) -> ActionChoice:
         PromptError: nothing that can be done is near enough, or there are several actions.
         ImportError: the packages of the reader are missing.
     """
+    refuse_passive(prompt)
     phrase = " , ".join(clauses)
     parts = [part.strip(" ,") for part in re.split(r"\bor\b", phrase) if part.strip(" ,")]
     if len(parts) > 1:
         readings = [read_action(part) for part in parts]
         if all(reading.possible for reading in readings):
+            for part, each in zip(parts, readings, strict=True):
+                refuse_unmade(each.options or (each.action,), part)
             return ActionChoice(
                 tuple(dict.fromkeys(a for r in readings for a in r.options or (r.action,))), known=phrase
             )
@@ -67,6 +76,7 @@ def choose_action(clauses: Sequence[str], prompt: str) -> ActionChoice:
         raise PromptError(
             f"action: {prompt!r} cannot be done: {reading.reason}; the nearest that can be done are: {near}"
         )
+    refuse_unmade(reading.options or (reading.action,), phrase)
     sides = set(re.findall(r"\b(left|right)\b", phrase))
     mirrored = {"left", "right"} & set("_".join((*reading.options, reading.action)).split("_"))
     sequence = AFTERWARDS.search(phrase) is not None
@@ -77,6 +87,7 @@ def choose_action(clauses: Sequence[str], prompt: str) -> ActionChoice:
         )
     arms = _open(reading.arms, phrase) if reading.arms else ()
     lost = tuple(word for word in reading.unknown if word not in _NO_NEWS)
+    lost += tuple(words for words in re.findall(_COUNTS, phrase) if not set(words.split()) & set(lost))
     return ActionChoice(reading.options or (reading.action,), arms, reading.side, lost, phrase)
 
 

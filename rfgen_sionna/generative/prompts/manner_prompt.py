@@ -133,6 +133,14 @@ POSTURES: tuple[tuple[str, str], ...] = (
     ("in_pockets", rf"{_WITH}{_HANDS} in {_HIS}(?:trouser |jacket |coat )?pockets?"),
 )
 """(posture of the arms, pattern)."""
+LYING: tuple[tuple[str, str], ...] = (
+    ("stomach", r"face down(?:wards)?|prone|on (?:(?:the|his|her|their|its) )?(?:front|stomach|belly|tummy|face)"),
+    ("back", r"face up(?:wards)?|supine|on (?:(?:the|his|her|their|its) )?back"),
+    ("left_side", r"on (?:(?:the|his|her|their|its) )?left side"),
+    ("right_side", r"on (?:(?:the|his|her|their|its) )?right side"),
+    ("side", r"sideways|on (?:(?:one|a|the|his|her|their|its) )?side"),
+)
+"""(part of the body that somebody lies on, pattern); the words stay in the phrase of the action."""
 TIRED = r"(?:and |very |quite |looking |who is |is )?(?:tired|exhausted|weary|fatigued|worn out|sleepy|drowsy)|tiredly|wearily|sleepily|with fatigue"
 REPEATED = (
     r"(?:in|with) <a>(?:repetitive|repeated|repeating|periodic|cyclic|continuous) (?:manner|way|fashion|motion|movement|pattern)"
@@ -164,6 +172,19 @@ def read_manner(reader: Reader, speed: Quantity = SPEED) -> None:
     for factor, pattern in AMPLITUDES:
         reader.find("amplitude", pattern, factor, f"size × {factor:g}")
     reader.find("tired", TIRED, True, "tired")
+
+
+def read_lying(phrase: str) -> str | None:
+    """Part of the body that somebody lies on, of :data:`~rfgen_sionna.generative.manner.LYING`; None if no word gives
+    it.
+
+    Raises:
+        PromptError: the words give several.
+    """
+    found = {place: match.group() for place, pattern in LYING if (match := re.search(rf"\b(?:{pattern})\b", phrase))}
+    if len(found) > 1:
+        raise PromptError(f"lying: the prompt names several: {', '.join(map(repr, found.values()))}")
+    return next(iter(found), None)
 
 
 def _rate(match: re.Match[str]) -> tuple[float, float]:

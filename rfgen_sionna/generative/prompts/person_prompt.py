@@ -17,6 +17,7 @@ from rfgen_sionna.generative.prompts.action_choice import ActionChoice, choose_a
 from rfgen_sionna.generative.prompts.body_prompt import draw_body
 from rfgen_sionna.generative.prompts.clauses import ARMS
 from rfgen_sionna.generative.prompts.environment_prompt import split_keyword
+from rfgen_sionna.generative.prompts.manner_prompt import read_lying
 from rfgen_sionna.generative.prompts.person_words import PersonWords, read_unwanted, read_wanted
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.quantities import (
@@ -129,7 +130,7 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
         speed=one.get("pace") if values["speed"] is None else None, speed_mps=values["speed"],
         amplitude=one.get("amplitude"), rate=values["rate"], path=path, pauses="pauses" in reader.found,
         arm_posture=None if action in POSTURE_ACTIONS.values() else one["arm posture"],
-        tired="tired" in reader.found, hand=hand,
+        tired="tired" in reader.found, lying=read_lying(choice.known) if action == "lie" else None, hand=hand,
     )  # fmt: skip
     return ScenePrompt(
         text=prompt, negative=negative, seed=seed, action=action, choices=options, orientation_deg=orientation,

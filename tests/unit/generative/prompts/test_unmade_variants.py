@@ -1,0 +1,75 @@
+"""Kinds of an action that no motion shows are refused, with the words."""
+
+import numpy as np
+import pytest
+
+from rfgen_sionna.generative import perform, read_prompt
+from rfgen_sionna.generative.manner import Manner
+from rfgen_sionna.generative.motion.clip_editing import joint_places
+from rfgen_sionna.generative.prompts.prompt_error import PromptError
+
+
+@pytest.mark.parametrize(
+    ("prompt", "words"),
+    [
+        ("a man lies down on his back", "on his back"),
+        ("a person sits on the ground", "on the ground"),
+        ("a student sits cross-legged", "cross legged"),
+        ("a toddler crawls backwards", "backwards"),
+        ("a woman bends backwards", "backwards"),
+        ("a man raises his left arm forward", "forward"),
+        ("a boy hops on one leg", "on one leg"),
+        ("a man claps above his head", "above his head"),
+        ("a man is pushed", "is pushed"),
+    ],
+)
+def test_a_kind_that_no_motion_shows_is_refused(prompt: str, words: str) -> None:
+    with pytest.raises(PromptError, match=f"'{words}'"):
+        read_prompt(prompt)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "action"),
+    [
+        ("a patient sleeps on his back", "lie"),
+        ("a man sits on a chair with both feet on the floor", "sit"),
+        ("a baby crawls forwards", "crawl"),
+        ("a man bends down", "bend"),
+        ("a man raises his left arm", "left_arm_raised"),
+        ("a person claps the hands in front of the body", "clap"),
+        ("a man slips", "slip"),
+    ],
+)
+def test_the_kind_that_is_made_is_read(prompt: str, action: str) -> None:
+    assert read_prompt(prompt).action == action
+
+
+@pytest.mark.parametrize(("prompt", "words"), [("a man waves twice", "twice"), ("a woman does three squats", "three")])
+def test_a_number_of_repetitions_is_named_as_without_effect(prompt: str, words: str) -> None:
+    assert any(f"'{words}'" in warning for warning in read_prompt(prompt).warnings)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "lying"),
+    [
+        ("a man lies face down", "stomach"),
+        ("a patient lies on her back", "back"),
+        ("a woman lies on her left side", "left_side"),
+        ("a man lies on the floor", None),
+    ],
+)
+def test_the_part_of_the_body_that_somebody_lies_on_is_read(prompt: str, lying: str | None) -> None:
+    assert read_prompt(prompt).manner.lying == lying
+
+
+@pytest.mark.parametrize(
+    ("lying", "up"), [("back", (1, 0)), ("stomach", (-1, 0)), ("left_side", (0, -1)), ("right_side", (0, 1))]
+)
+def test_somebody_lies_on_the_part_of_the_body_that_is_given(lying: str, up: tuple[int, int]) -> None:
+    for seed in range(3):
+        motion = perform("lie", 2.0, seed, manner=Manner(lying=lying))
+        places = joint_places(motion)
+        left = places[:, motion.joint_names.index("left_hip")] - places[:, motion.joint_names.index("right_hip")]
+        front = np.cross(left, places[:, motion.joint_names.index("spine3")] - places[:, 0])
+        chest, side = (np.mean(v[:, 2] / np.linalg.norm(v, axis=-1)) for v in (front, left))
+        assert up[0] * chest + up[1] * side > 0.8
