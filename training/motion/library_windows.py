@@ -46,6 +46,21 @@ _BORROWED = MappingProxyType(
 """Action -> actions of clips that hold it, too."""
 _LEFT_OUT = MappingProxyType({"carry": ("carry_run",)})
 """Action -> actions of clips that show it in another way than is meant."""
+_STOOLS = ("cmu_13_01", "cmu_14_27", "cmu_14_28", "cmu_14_29", *(f"cmu_86_09_s{k}" for k in range(2, 6)))
+"""Clips of people who sit on high stools, the pelvis at nine tenths of standing."""
+_OTHERWISE = MappingProxyType(
+    {
+        "crawl": ("accad_f1_A12_CrawlBackwards", "accad_m1_A12_CrawlBackward", "accad_m2_A12_CrawlBackwards"),
+        "lie": ("accad_m2_A8_CrouchToLie",),  # props itself up at the end
+        "lie_down": ("accad_m2_A8_CrouchToLie",),
+        "sit": (*_STOOLS, "m2m_addon_Meditate"),
+        "sit_down": (*_STOOLS, "kaykit_Sit_Floor_Down", "sl_sit_ground"),
+        "stand_up": _STOOLS,
+        "sit_and_stand": _STOOLS,
+    }
+)
+"""Action -> clips that show it in another way than its name alone means: backwards, propped up, on a stool or the
+floor. The reader refuses most of these kinds."""
 _MADE = ("simulated", "edited")
 """Kinds of clips that were made to show one action once."""
 _MANY = 3
@@ -69,6 +84,7 @@ def candidates(library: MotionLibrary) -> dict[str, list[LibraryClip]]:
             for clip in library
             if clip.name not in read_wrong()
             and clip.action not in _LEFT_OUT.get(action, ())
+            and clip.name not in _OTHERWISE.get(action, ())
             and (
                 clip.action in (action, *borrowed)
                 if action not in clips
