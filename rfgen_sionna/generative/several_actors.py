@@ -76,7 +76,7 @@ def read_prompts(prompt: str, negative: str = "", *, seed: int = 0) -> PromptedA
     Raises:
         PromptError: an actor's sentence cannot be carried out, or the sentences contradict each other.
     """
-    several = split_actors(prompt)
+    several = split_actors(prompt) if isinstance(prompt, str) else None
     if several is None:
         return PromptedActors((read_prompt(prompt, negative, seed=seed),), "apart")
     said = []
@@ -86,6 +86,18 @@ def read_prompts(prompt: str, negative: str = "", *, seed: int = 0) -> PromptedA
     places = {each.surroundings for each in said if each.surroundings}
     if len(places) > 1:
         raise PromptError(f"surroundings: the prompt names several: {', '.join(sorted(places))}")
+    if several.relation != "apart":
+        for name, values in (
+            ("distance", {each.distance_m for each in said}),
+            ("azimuth", {each.bearing_deg for each in said}),
+        ):
+            if len(values - {None}) > 1:
+                raise PromptError(
+                    f"{name}: the prompt names several for actors whose places depend on each other "
+                    f"({several.relation}); name one, or join two sentences with 'and'"
+                )
+    if several.relation == "facing" and any(each.orientation_deg is not None for each in said):
+        raise PromptError("orientation: the actors face each other; leave out the other direction")
     if several.relation not in ("apart", "facing", "beside"):
         said = [_straight(each) for each in said]
     return PromptedActors(tuple(said), several.relation)
@@ -213,31 +225,60 @@ def _speed(actor: Actor, duration: float) -> float:
 def _layout(
     read: PromptedActors, made: Sequence[Actor], duration: float, side: float, attempt: int
 ) -> list[tuple[float, float, float]]:
-    """(distance, offset to the radar's left, turn from facing the radar) of each actor [m, m, rad]; further attempts
-    are wider."""
+    """(distance, offset to the radar's left, turn against the radar's direction of view) of each actor [m, m, rad];
+    further attempts are wider."""
+    spots = _boresight_layout(read, made, duration, side, attempt)
+    if read.relation == "apart":
+        return spots
+    bearing = np.radians(next((each.bearing_deg for each in read.said if each.bearing_deg is not None), 0.0))
+    c, s = float(np.cos(bearing)), float(np.sin(bearing))
+    return [(c * u - s * v, s * u + c * v, turn + float(bearing)) for u, v, turn in spots]
+
+
+def _given_turn(said: ScenePrompt, side: float) -> float | None:
+    """Direction that the prompt gives an actor, from facing the radar [rad]."""
+    way = said.way if isinstance(said, ThingPrompt) else ""
+    ways = {"to": 0.0, "away": np.pi, "right": 0.5 * np.pi, "left": -0.5 * np.pi, "past": side * 0.5 * np.pi}
+    if said.orientation_deg is not None:
+        return float(np.radians(said.orientation_deg))
+    return ways.get(way)
+
+
+def _boresight_layout(
+    read: PromptedActors, made: Sequence[Actor], duration: float, side: float, attempt: int
+) -> list[tuple[float, float, float]]:
+    """The layout of :func:`_layout` around the radar's boresight."""
     middle, wider = read.distance_m, 1.0 + 0.25 * attempt
     count = len(made)
-    turns = [float(np.radians(each.orientation_deg or 0.0)) for each in read.said]
+    given = [_given_turn(each, side) for each in read.said]
+    turns = [turn or 0.0 for turn in given]
+    common = next((turn for turn in given if turn is not None), None)
     bearings = [each.bearing_deg for each in read.said]
     if read.relation == "facing":
         half = 0.5 * (0.85 + 0.06 * attempt)
         return [(middle, half, 0.5 * np.pi), (middle, -half, -0.5 * np.pi)]
+    if read.relation == "parting":
+        ways = [0.5 * float(np.ptp(_track(actor, duration)[:, 0])) + 0.4 * wider for actor in made]
+        return [(middle, -ways[0], 0.5 * np.pi), (middle, ways[1], -0.5 * np.pi)]
     if read.relation == "side by side":
         step = 0.8 * wider
-        return [(middle, (0.5 * (count - 1) - i) * step, turns[0]) for i in range(count)]
+        return [(middle, (0.5 * (count - 1) - i) * step, common or 0.0) for i in range(count)]
     if read.relation in ("past", "towards"):
         across = side * 0.5 * np.pi
         away = 0.9 * wider
         if read.relation == "past":
-            other = turns[1] + (across + np.pi if _speed(made[1], duration) > _STATIC else 0.0)
-            return [(middle + side * away, 0.0, across + turns[0]), (middle, 0.0, other)]
+            own = given[0]
+            turn = across if own is None else own
+            against = turn + np.pi if given[1] is None and _speed(made[1], duration) > _STATIC else turns[1]
+            return [(middle + away * np.sin(turn), -away * np.cos(turn), turn), (middle, 0.0, against)]
         # the first one's way ends beside the second one
         half = 0.5 * float(np.ptp(_track(made[0], duration)[:, 0]))
         return [(middle, side * (half + away), across), (middle, 0.0, turns[1])]
     if read.relation == "beside":
         return [(middle, side * 0.5 * wider, turns[0]), (middle, -side * 0.5 * wider, turns[1])]
     if read.relation in ("behind", "in front", "pushing"):
-        turn = turns[1] or (side * 0.5 * np.pi if _speed(made[1], duration) > _STATIC else 0.0)
+        across = side * 0.5 * np.pi if _speed(made[1], duration) > _STATIC else 0.0
+        turn = across if common is None else common
         gap = (0.95 if read.relation == "pushing" else 1.3) * wider * (1.0 if read.relation == "in front" else -1.0)
         ways = [0.5 * float(np.ptp(_track(actor, duration)[:, 0])) for actor in made]
         gap += ways[0] - ways[1]  # from the starts to the middles
@@ -246,12 +287,10 @@ def _layout(
     spots = []
     for i, said in enumerate(read.said):
         distance = middle if said.distance_m is None else said.distance_m
-        bearing = bearings[i]
-        offset = (0.5 * (count - 1) - i) * step
-        if bearing is not None:
-            spots.append((distance * np.cos(np.radians(bearing)), distance * np.sin(np.radians(bearing)), turns[i]))
-        else:
-            spots.append((distance, offset, turns[i]))
+        angle = (0.5 * (count - 1) - i) * step / distance
+        if bearings[i] is not None:
+            angle = float(np.radians(bearings[i]))
+        spots.append((distance * np.cos(angle), distance * np.sin(angle), turns[i] + angle))
     return spots
 
 
@@ -273,7 +312,7 @@ def _placed(
         position=cast(Any, position),
         orientation=cast(Any, (facing + turn, 0.0, 0.0)),
         velocity=cast(Any, tuple(velocity)),
-        decisions=_with_place(actor.decisions, position, turn),
+        decisions=_with_place(actor.decisions, position, turn - float(np.arctan2(v, u))),
     )
 
 

@@ -15,7 +15,8 @@ from rfgen_sionna.generative.things.thing_catalogue import THINGS
 
 MOST = 6
 """Most actors of a prompt."""
-RELATIONS = ("apart", "facing", "side by side", "past", "beside", "behind", "in front", "towards", "pushing")
+RELATIONS = ("apart", "facing", "side by side", "past", "beside", "behind", "in front", "towards", "pushing",
+             "parting")  # fmt: skip
 """Places of actors to each other."""
 _SINGULAR = {"people": "person", "men": "man", "women": "woman", "children": "child", "gentlemen": "gentleman",
              "ladies": "lady", "puppies": "puppy", "kitties": "kitty", "ponies": "pony"}  # fmt: skip
@@ -23,12 +24,15 @@ _STOP = (
     r"(?:in|on|at|with|near|beside|and|or|of|by|from|to|past|towards?|next|while|under|over|into|through|like|as|for|"
     r"who|that|which|is|are|an?|the|his|her|their|its|another|other)"
 )
-_DETERMINER = r"an?|the|another|one|his|her|their|my|some|this|that|each|both|<n>"
+_DETERMINER = r"an?|the|another|one|his|her|their|its|our|your|my|some|this|that|each|both|<n>"
 _UNIT = r"(?:years?|months?|yo|m|met(?:re|er)s?|cm|ft|feet|foot|kg|kilos?|lbs?|pounds?|degrees?|km|mps|times?|seconds?)"
-_ONE = frozenset({"both", "another", "the", "one", "his", "her", "their", "my", "this", "that", "each"})
+_ONE = frozenset(
+    {"both", "another", "the", "one", "his", "her", "their", "its", "our", "your", "my", "this", "that", "each"}
+)
 _PAIR = (
     ("facing", r"<shake> hands|<face> (?:each other|one another)|face to face"),
     ("facing", r"(?:<talk>|<speak>) (?:to|with) (?:each other|one another)"),
+    ("parting", r"(?:away |apart )from (?:each other|one another)"),
     ("past", r"(?:towards?|past|by) (?:each other|one another)"),
     ("side by side", r"side by side|next to (?:each other|one another)|hand in hand|abreast|together"),
 )  # fmt: skip
@@ -45,7 +49,10 @@ _FOLLOWS = re.compile(r"(?:is )?(?:follow(?:s|ing|ed)?|chas(?:es|ing|ed))$")
 _FOLLOWED = re.compile(r"(?:, )?(?:is )?followed by$")
 _PUSHES = re.compile(r"(?P<verb>(?:is )?push(?:es|ing|ed)?)$")
 _LEADS = re.compile(r"(?P<verb>(?:is )?walk(?:s|ing|ed)?)$")
-_ALIKE = re.compile(r"(?:is |are )?(?:passing|passes|pass|approaching|approaches|approach|meets?|meeting)$")
+_ALIKE = (
+    ("past", re.compile(r"(?:is |are )?(?:passing|passes|pass|meets?|meeting)$")),
+    ("towards", re.compile(r"(?:is |are )?(?:approaching|approaches|approach)$")),
+)
 _CONJUNCTION = re.compile(r"\s*(?:,\s*)?\b(?:and|while|whilst|as|but|whereas|when)\b\s*$|\s*,\s*$")
 _JOINED = re.compile(r"\s*(?:, ?and|and|,|plus|together with|along with|with|next to|beside)?\s*")
 _FIXTURES = frozenset({"door", "curtain", "fan"})
@@ -53,6 +60,31 @@ _FIXTURES = frozenset({"door", "curtain", "fan"})
 _BETWEEN = re.compile(
     rf"(?:\b(?:and|while|whilst|as|but|whereas|when|{'|'.join(words for _, words in _LINKS if words[0] != 't')})|,)\s*$"
 )
+_BREAK = r"(?:^|(?<= and )|(?<= while )|(?<= whilst )|(?<= but )|(?<= as )|(?<=, ))"
+_PRONOUN = re.compile(
+    rf"{_BREAK}(?:another|(?:the |an?)?other|(?:the |a )(?:first|second|third|fourth|fifth|sixth|last)|one)(?: one)?"
+    rf"(?= (?!(?:{PLURAL})\b)(?:is|[a-z]{{2,}}s)\b)"
+)
+"""Actors that a pronoun stands for: "another stands up", "the second one sits"."""
+_INTRODUCED = re.compile(rf"^(?:there are )?(?P<group>[^,]*\b(?:{PLURAL}))(?: (?:are|stand))? , (?=another person\b)")
+_COLLECTIVE = re.compile(
+    r"\b(?:an?|the) (?:group|crowd|team|family|pair) of (?=(?P<number>\d+|two|three|four|five|six))"
+)
+_FAMILY = re.compile(
+    rf"\b(?:an?|the) (?:family|team) of (?P<number>\d+|two|three|four|five|six)"
+    rf"(?= (?!(?:{PLURAL})\b)(?:is|are|[a-z]+s)\b)"
+)
+_AID = re.compile(r"\b(?:with|using|uses|on) (?:(?:an?|his|her|the|their) )?$")
+_PLACE = re.compile(
+    r"(?:,|(?:at|in|from) (?:an? )?(?:distance of |azimuth )?(?:minus )?[\d.]+(?: to [\d.]+)?(?: (?:m|degrees))?"
+    r"(?: \w+ of boresight)?|(?:towards?|away from|facing) (?:the )?(?:radar|sensor)|\s)*"
+)
+"""Places after a noun, without a verb."""
+_ALL = re.compile(r"(?:^| )(?:,? ?)(?:both|all)(?: of them)? (?P<said>[a-z]+ing\b.*)$")
+_MOVING = re.compile(
+    r"\b(?:walk|run|jog|sprint|stroll|march|step|go|move|limp|crawl|sneak|hurr|drive|roll|ride|fl(?:y|ies)|trot|gallop)\w*"
+)
+_RUNNING = re.compile(r"\b(?:run|jog|sprint|race|trot|gallop)\w*")
 _OTHER = re.compile(r"^(?:who|that|which)\s+(?:is |are )?|^(?:is|are)\s+")
 
 
@@ -90,7 +122,7 @@ def split_actors(prompt: str) -> SeveralActors | None:
         PromptError: there are more than `MOST`, an uncounted crowd, or an interaction that cannot be carried out.
     """
     wanted, _ = split_negative(prompt)
-    reader = Reader(normalise(wanted).strip(" ,"))
+    reader = Reader(_with_nouns(normalise(wanted).strip(" ,")))
     text = reader.said
     read_scenes(reader)
     nouns = _actors_of(reader.text)  # "in a car garage" is a place
@@ -101,6 +133,9 @@ def split_actors(prompt: str) -> SeveralActors | None:
     if len(nouns) == 1:
         return _counted(text, nouns[0])
     lead = text[: nouns[0].start].strip(" ,")
+    common = _ALL.search(text, nouns[-1].end)
+    if common:
+        text = text[: common.start()]
     groups: list[list[_Noun]] = [[nouns[0]]]
     spans: list[str] = []
     for before, after in pairwise(nouns):
@@ -112,8 +147,36 @@ def split_actors(prompt: str) -> SeveralActors | None:
             groups.append([after])
     spans.append(text[nouns[-1].end :])
     if len(groups) == 1:
-        return _grouped(groups[0], f"{lead} , {spans[0]}" if lead else spans[0])
-    return _linked(groups, spans, lead)
+        said = f"{spans[0]} {common['said'] if common else ''}".strip()
+        return _grouped(groups[0], f"{lead} , {said}" if lead else said)
+    return _linked(groups, spans, lead, common["said"] if common else "")
+
+
+def _with_nouns(text: str) -> str:
+    """The text with nouns for pronouns and counts: "another stands" is "another person stands", "a group of three
+    people" is "three people".
+
+    Raises:
+        PromptError: pronouns stand for other actors than the prompt has introduced.
+    """
+    text = re.sub(r"\bpass(?:es|ing)? (?=each other|one another)", "walk past ", text)
+    text = _COLLECTIVE.sub("", _FAMILY.sub(r"\g<number> people", text))
+    named, count = _PRONOUN.subn("another person", text)
+    if not count:
+        return text
+    introduced = _INTRODUCED.match(named)
+    if introduced:
+        several = sum(noun.count for noun in _actors_of(introduced["group"]))
+        if several != count:
+            raise PromptError(
+                f"target: the prompt names {several} actors and says what {count} do; write what each does"
+            )
+        return named[introduced.end() :]
+    if any(match.group() == "one" for match in _PRONOUN.finditer(text)) and _actors_of(text):
+        raise PromptError(
+            f"target: {text!r} leaves open who 'one' is; name each, such as 'one person walks and another person sits'"
+        )
+    return named
 
 
 @cache
@@ -136,6 +199,8 @@ def _actors_of(text: str) -> list[_Noun]:
             continue
         if kind in _FIXTURES and found and not _BETWEEN.search(text[found[-1].end : match.start()]):
             continue  # "knocks at the door" is about a person
+        if noun == "walker" and _AID.search(text[: match.start()]):
+            continue  # "a woman with a walker" leans on it
         if noun in ("he", "she", "individual", "male", "female", "adult", "senior") and found:
             continue
         words, count = match["count"] or "", 1
@@ -150,7 +215,8 @@ def _actors_of(text: str) -> list[_Noun]:
             count, plural = 2, True
         elif plural and noun not in ("curtains",):
             raise PromptError(
-                f"target: {match.group()!r} are several without a number; write how many, such as 'two {noun}'"
+                f"target: {match.group()!r} are several without a number; write how many, such as "
+                f"'two {noun if noun.endswith('s') else 'people'}'"
             )
         if count == 1 and plural and noun in ("people", "men", "women", "children"):
             noun = _SINGULAR[noun]
@@ -182,7 +248,7 @@ def _grouped(nouns: list[_Noun], said: str) -> SeveralActors:
         if compile_pattern(pattern).search(said):
             relation = name
             break
-    if relation == "facing" and sum(noun.count for noun in nouns) != 2:
+    if relation in ("facing", "parting") and sum(noun.count for noun in nouns) != 2:
         raise PromptError(f"target: {said!r} is for two, the prompt names {sum(noun.count for noun in nouns)}")
     if "shak" not in said:
         for name, pattern in _PAIR:
@@ -197,27 +263,33 @@ def _grouped(nouns: list[_Noun], said: str) -> SeveralActors:
     return SeveralActors(tuple(clauses), relation)
 
 
-def _linked(groups: list[list[_Noun]], spans: list[str], lead: str) -> SeveralActors:
+def _linked(groups: list[list[_Noun]], spans: list[str], lead: str, common: str) -> SeveralActors:
     """Actors with a verb phrase for each group, joined by conjunctions or by prepositions of place."""
     clauses: list[ActorClause] = []
     relation, verb = "apart", ""
     for index, (group, said) in enumerate(zip(groups, spans, strict=True)):
         said = _OTHER.sub("", said.strip())
         last = index == len(groups) - 1
-        if last and relation in _COMMON and not said.split(",")[0].strip():
-            said = f"{_MOVES.get(group[0].thing or '', verb)} {said}".strip()
+        if last and relation in _COMMON and _PLACE.fullmatch(said):
+            said = f"{_alike(verb, groups[0][0].thing, group[0].thing)} {said}".strip()
         if not last:
             rest = _CONJUNCTION.sub("", said)
             if rest == said:
-                said, relation = _link(said, groups[index + 1][0])
+                said, relation = _link(said, group[0], groups[index + 1][0])
                 verb = said
             else:
                 said = rest
-        if not said.split(",")[0].strip():
-            said = f"stands {said}".strip() if group[0].thing is None else said
+        if _PLACE.fullmatch(said):
+            said = f"{common or ('stands' if group[0].thing is None else '')} {said}".strip()
         for noun in group:
             text = f"{_singular(noun)} {said}".strip()
             clauses += [ActorClause(text, noun.thing)] * noun.count
+    if relation == "apart" and len(clauses) == 2:
+        for name, pattern in _LINKS:
+            link = re.search(rf" (?:{pattern}) (?:him|her|them)$", clauses[1].text)
+            if link:  # "a man sits and a woman walks past him"
+                relation, clauses = name, [replace(clauses[1], text=clauses[1].text[: link.start()]), clauses[0]]
+                break
     if relation != "apart" and len(clauses) != 2:
         raise PromptError(f"target: {relation!r} is a place for two actors, the prompt names {len(clauses)}")
     if lead:
@@ -227,10 +299,27 @@ def _linked(groups: list[list[_Noun]], spans: list[str], lead: str) -> SeveralAc
 
 _COMMON = ("side by side", "pushing", "behind", "in front")
 """Relations of which the second actor without a verb does as the first one."""
-_MOVES = {"pram": "rolls", "wheelchair": "rolls", "dog": "walks", "cat": "walks", "horse": "walks"}
+_MOVES = {"pram": "rolls", "wheelchair": "rolls", "car": "drives", "van": "drives", "bicycle": "rides",
+          "drone": "flies", "bird": "flies", "robot_vacuum": "drives"}  # fmt: skip
+"""Verbs of things that go along; animals walk or run."""
+_RESTING = re.compile(r"\b(?:sit|stand|kneel|lie|lying|crouch)\w*")
 
 
-def _link(said: str, other: _Noun) -> tuple[str, str]:
+def _alike(verb: str, first: str | None, thing: str | None) -> str:
+    """Verb of an actor without one, who is beside, behind or before the `first` one: goes along with who goes."""
+    if thing in _FIXTURES or thing == "corner_reflector":
+        return ""
+    if first in _FIXTURES or not _MOVING.search(verb):
+        rests = _RESTING.search(verb) if first is None and thing is None else None
+        return rests.group() if rests else "stands" if thing is None else ""
+    if thing in _MOVES:
+        return _MOVES[thing]
+    if thing is None and first is None:
+        return verb
+    return "runs" if _RUNNING.search(verb) and first not in _MOVES else "walks"
+
+
+def _link(said: str, one: _Noun, other: _Noun) -> tuple[str, str]:
     """Verb phrase before another actor without its link, and the relation to that actor."""
     if _FOLLOWED.search(said):
         return _FOLLOWED.sub("", said) or "walks", "in front"
@@ -241,10 +330,12 @@ def _link(said: str, other: _Noun) -> tuple[str, str]:
             if verb in ("is", "are"):
                 verb = ""
             return verb, name
+    goes = _MOVES.get(one.thing or "", "walks")
     if _FOLLOWS.search(said):
-        return _FOLLOWS.sub("walks", said), "behind"
-    if _ALIKE.search(said):
-        return _ALIKE.sub("walks", said), "past"
+        return _FOLLOWS.sub("runs" if "chas" in said and goes == "walks" else goes, said), "behind"
+    for name, alike in _ALIKE:
+        if alike.search(said):
+            return alike.sub(goes, said), name
     if _PUSHES.search(said) and other.thing in ("pram", "wheelchair"):
         return _PUSHES.sub("walks", said), "pushing"
     if _LEADS.search(said) and other.thing is not None:

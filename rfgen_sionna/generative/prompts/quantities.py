@@ -221,7 +221,7 @@ _SEVERAL = (
     rf"|<n> {_METRES}(?: (?:or|and))?(?: at)? <n> {_METRES}(?! (?:tall|high|in height))"
 )
 _UNREAD_DISTANCE = rf"(?:at|distance|range)(?: of)? (?:minus )?[\w.]*\d[\w.]*(?: [a-z]{{1,2}}\d*)? {_METRES}(?! (?:tall|high|per|a second))"
-_LIMB_ANGLE = r"(?:arms?|hands?|legs?|knees?|elbows?|head|trunk|torso)(?: (?!fac|look|turn|rotat|orient|with\b|and\b)[a-z]+){0,4} (?:by |at |to )?<r> degrees"
+_LIMB_ANGLE = r"(?:arms?|hands?|legs?|knees?|elbows?|head|trunk|torso)(?: (?!fac|look|turn|rotat|orient|azimuth|with\b|and\b)[a-z]+){0,4} (?:by |at |to )?<r> degrees(?! (?:to )?(?:the )?(?:left|right) of (?:the )?boresight)"
 _BEHIND = rf"(?:<n> {_METRES} )?behind {RADAR}"
 
 

@@ -92,7 +92,7 @@ ROOM = (
     r"|playground|road|space|street|study|workshop)"
 )
 """Last word of a place's name."""
-FREE_SPACE = r"(?:(?:in|inside) <a>)?(?:free space|empty space|vacuum|anechoic (?:chamber|room))"
+FREE_SPACE = r"(?:(?:in|inside) <a>)?(?:free space|empty space|(?<!robot )(?<!robotic )vacuum(?! cleaner| cleaning| robot)|anechoic (?:chamber|room))"
 NO_SCENE = rf"{FREE_SPACE}|nothing|none|no (?:environment|surroundings|scene)"
 UNKNOWN_PLACE = (
     r"(?:in|inside|within|at|on|through|across|along|down|around|into|outside) <a>(?:[a-z]+ ){0,3}?"
