@@ -59,6 +59,7 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
     pace = manner.pace * float(rng.uniform(*PACES) ** (strength * (_BALLISTIC if action in BALLISTIC else 1.0)))
     size = manner.size * float(rng.uniform(*SIZES) ** strength)
     uneven = strength * float(np.clip(rng.normal(0.0, _UNEVEN), -2.0 * _UNEVEN, 2.0 * _UNEVEN))
+    height = size if action in JUMPS else 1.0
     if action in JUMPS:
         pace /= np.sqrt(size)  # a flight of half the height takes 0.7 of the time
     count = int(np.ceil(duration * RATE - 1e-9)) + 1
@@ -105,7 +106,7 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
         faster = 1.0 / max(share, 0.6)
         wanted *= faster
         way = replace(way, x=faster * way.x, y=faster * way.y, speed=faster * way.speed)
-    gait = _resized(gait, action, 1.0, uneven)
+    gait = _resized(gait, action, height, uneven)
     gone = along(gait, way, wanted, wanted / max(speed, 1e-9), stops)
     return Draft(gone, tuple(dict.fromkeys(names)), on_its_way=True)
 

@@ -250,3 +250,15 @@ def test_unknown_actions_and_lengths_are_refused() -> None:
 def test_every_action_of_clips_is_shown_for_every_seed(action: str) -> None:
     for seed in range(10):
         assert is_true_of(perform(action, 5.0, seed), action)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_small_hops_are_low_and_large_ones_high(seed: int) -> None:
+    """Also hops on a way round the room, which is taken where they would lead out of it."""
+    highest = []
+    for size in (0.4, 0.7, 1.0):
+        places = joint_places(perform("hop", 4.0, seed, manner=Manner(amplitude=size)))
+        toes = places[:, [JOINT["left_foot"], JOINT["right_foot"]], 2]
+        highest.append(toes.min(axis=1).max() - MEAN_ADULT.toe_height)
+    assert highest[0] < 0.12
+    assert highest[0] < highest[1] < highest[2]
