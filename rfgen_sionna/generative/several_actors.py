@@ -253,7 +253,6 @@ def _boresight_layout(
     given = [_given_turn(each, side) for each in read.said]
     turns = [turn or 0.0 for turn in given]
     common = next((turn for turn in given if turn is not None), None)
-    bearings = [each.bearing_deg for each in read.said]
     if read.relation == "facing":
         half = 0.5 * (0.85 + 0.06 * attempt)
         return [(middle, half, 0.5 * np.pi), (middle, -half, -0.5 * np.pi)]
@@ -288,8 +287,9 @@ def _boresight_layout(
     for i, said in enumerate(read.said):
         distance = middle if said.distance_m is None else said.distance_m
         angle = (0.5 * (count - 1) - i) * step / distance
-        if bearings[i] is not None:
-            angle = float(np.radians(bearings[i]))
+        bearing = said.bearing_deg
+        if bearing is not None:
+            angle = float(np.radians(bearing))
         spots.append((distance * np.cos(angle), distance * np.sin(angle), turns[i] + angle))
     return spots
 

@@ -180,21 +180,27 @@ AGE = Quantity(
     digits=0,
 )  # fmt: skip
 _EACH_MINUTE = r"(?:times|breaths?|beats?)? ?(?:a|per|each|every) (?:minute|min)"
+_EACH_SECOND = r"(?P<unit>hz|hertz|(?:times|breaths?|beats?) ?(?:a|per|each|every) (?:second|sec))"
+_PER_MINUTE = MappingProxyType(dict.fromkeys("htb", 60.0))
 BREATHING = Quantity(
-    "breathing", " a minute", (0.0, 1000.0),
+    "breathing", " a minute", (0.0, 90.0),
     (
+        rf"(?:and |while |with )?(?:<breathe> |<a>(?:breathing|respiratory|respiration|breath) (?:rate |frequency )?)(?:at |of |with |is )?(?:<a>(?:rate|frequency) of )?{_ABOUT}(?P<value><r>) ?{_EACH_SECOND}",
         rf"(?:and |while |with )?(?:<breathe> |<a>(?:breathing|respiratory|respiration|breath) (?:rate )?)(?:at |of |with )?(?:<a>rate of )?{_ABOUT}(?P<value><r>) ?{_EACH_MINUTE}",
         rf"(?:and |with )?<a>(?:breathing|respiratory|respiration) rate (?:of |at |is )?{_ABOUT}(?P<value><r>)(?: bpm)?",
         rf"(?:and |with |at )?{_ABOUT}(?P<value><r>) (?:breaths?|respirations?) ?{_EACH_MINUTE}",
     ),
+    _PER_MINUTE,
 )  # fmt: skip
 """Breaths a minute."""
 HEART = Quantity(
-    "heart", " a minute", (0.0, 1000.0),
+    "heart", " a minute", (0.0, 240.0),
     (
+        rf"(?:and |with |while )?<a>(?:heart ?rate|pulse(?: rate)?|heart ?beat|heart)(?: (?:of|at|is|beats|beating))* {_ABOUT}(?P<value><r>) ?{_EACH_SECOND}",
         rf"(?:and |with |while )?<a>(?:heart ?rate|pulse(?: rate)?|heart ?beat|heart)(?: (?:of|at|is|beats|beating))* {_ABOUT}(?P<value><r>)(?: ?(?:bpm|{_EACH_MINUTE}))?",
         rf"(?:and |with |at )?{_ABOUT}(?P<value><r>) (?:heart ?)?beats ?{_EACH_MINUTE}",
     ),
+    _PER_MINUTE,
 )  # fmt: skip
 """Heartbeats a minute."""
 ALTITUDE = Quantity(
@@ -202,7 +208,7 @@ ALTITUDE = Quantity(
     (
         rf"(?:at )?<a>(?:height|altitude)(?: of)? {_LENGTH}",
         rf"(?:at )?{_LENGTH} (?:above|over|off|from) <a>(?:floor|ground)",
-        rf"(?:at )?{_LENGTH} (?:high(?: up)?|up|in the air|above ground)(?: in the air)?",
+        rf"(?:at )?{_LENGTH} (?:(?:of )?(?:height|altitude)|high(?: up)?|up|in the air|above ground)(?: in the air)?",
     ),
     _SIZE,
 )  # fmt: skip

@@ -22,6 +22,7 @@ UNDERSTOOD = [
     ("a drone hovers at 3 m", "drone", "hover", {"distance_m": 3.0}),
     ("A quadcopter is hovering 4 m in front of the radar", "drone", "hover", {"distance_m": 4.0}),
     ("a drone flies past at 4 m/s at 2 m above the ground", "drone", "fly", {"speed_mps": 4.0, "height_m": 2.0, "way": "past"}),
+    ("a drone hovers at 2 m height", "drone", "hover", {"height_m": 2.0, "distance_m": None}),
     ("a drone at an altitude of 5 m hovers", "drone", "hover", {"height_m": 5.0, "distance_m": None}),
     ("a drone hovers, its rotors at 6000 rpm", "drone", "hover", {"values": {"turns_per_second": 100.0}}),
     ("a car drives towards the radar at 5 m/s, at 20 m", "car", "drive", {"speed_mps": 5.0, "distance_m": 20.0, "way": "to"}),

@@ -14,7 +14,7 @@ from rfgen_sionna.dataset.actor_labels import actor_labels
 from rfgen_sionna.generative import MotionLibrary
 from rfgen_sionna.generative.bodies import Phenotype, Rig, VitalSigns, animate, person
 from rfgen_sionna.generative.motion import KinematicSource
-from rfgen_sionna.generative.prompts import read_prompt
+from rfgen_sionna.generative.prompts import PromptError, read_prompt
 from rfgen_sionna.processing import displacement
 
 
@@ -77,6 +77,9 @@ def test_the_skin_is_smooth_in_time(rig: Rig) -> None:
         ("a woman stands with a heart rate of 65 bpm and a breathing rate of 18", 18.0, 65.0),
         ("a person stands and holds their breath", 0.0, None),
         ("a person breathes twenty times per minute", 20.0, None),
+        ("a person stands, breathing at 0.25 Hz", 15.0, None),
+        ("a person stands, breathing rate of 0.25 Hz, heart rate 1.2 Hz", 15.0, 72.0),
+        ("a person breathes 0.3 times a second", 18.0, None),
         ("a person stands", None, None),
     ],
 )
@@ -84,6 +87,12 @@ def test_words_give_rates(words: str, breathing: float | None, heart: float | No
     said = read_prompt(words)
     assert (said.action, said.breathing_rate, said.heart_rate) == ("standing", breathing, heart)
     assert said.unused == ()
+
+
+@pytest.mark.parametrize("words", ["a person stands and breathes 300 times a minute", "a person sits, heart rate 5 Hz"])
+def test_rates_beyond_people_are_refused_as_they_are_read(words: str) -> None:
+    with pytest.raises(PromptError, match="allowed are"):
+        read_prompt(words)
 
 
 @pytest.mark.parametrize(
