@@ -112,7 +112,8 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
     effectless = tuple(words for name in without for words, _ in reader.found.get(name, []))
     orientation = _orientation(said, denied, action, seed, origins)
     hand, hands_lost = _hand(said, denied, arms or action, seed, origins)
-    if action in _SIDEWAYS or (choice.side and not said.read_hands() and "way" not in reader.found):
+    lying = read_lying(choice.known) if action == "lie" else None
+    if action in _SIDEWAYS or (not lying and choice.side and not said.read_hands() and "way" not in reader.found):
         side = choice.side or "(?:left|right)"
         found = re.findall(
             rf"(?:(?:to|on|onto) )?(?:(?:the|his|her|their) )?\b{side}(?:wards?)?\b(?: side)?", choice.known
@@ -130,7 +131,7 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
         speed=one.get("pace") if values["speed"] is None else None, speed_mps=values["speed"],
         amplitude=one.get("amplitude"), rate=values["rate"], path=path, pauses="pauses" in reader.found,
         arm_posture=None if action in POSTURE_ACTIONS.values() else one["arm posture"],
-        tired="tired" in reader.found, lying=read_lying(choice.known) if action == "lie" else None, hand=hand,
+        tired="tired" in reader.found, lying=lying, hand=hand,
     )  # fmt: skip
     return ScenePrompt(
         text=prompt, negative=negative, seed=seed, action=action, choices=options, orientation_deg=orientation,

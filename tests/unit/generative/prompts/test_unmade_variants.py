@@ -59,7 +59,9 @@ def test_a_number_of_repetitions_is_named_as_without_effect(prompt: str, words: 
     ],
 )
 def test_the_part_of_the_body_that_somebody_lies_on_is_read(prompt: str, lying: str | None) -> None:
-    assert read_prompt(prompt).manner.lying == lying
+    said = read_prompt(prompt)
+    assert said.manner.lying == lying
+    assert not said.warnings
 
 
 @pytest.mark.parametrize(
