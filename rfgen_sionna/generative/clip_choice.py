@@ -24,6 +24,8 @@ _FASTEST_HOP = 1.6
 """Fastest speed of a clip of hops [m/s]; faster ones are runs with a hop."""
 _SLOWEST_CLIP = 1.6
 """Slowest speed of a clip of a run [m/s]; slower ones hardly leave the floor."""
+SPEED_RATIOS = (0.5, 1.7)
+"""Factors on the speed over the floor of a clip."""
 ROOM = 4.0
 """Longest way of a clip that is taken as it is [m]."""
 GAITS = MappingProxyType(
@@ -75,7 +77,8 @@ def choose(
         options = [each for each in options if each.speed < _FASTEST_HOP]
     if (wanted := manner.speed_mps) is not None:
         near = sorted(options, key=lambda each: abs(np.log(max(each.speed, 0.05) / wanted)))
-        options = near[: max(6, len(near) // 6)]
+        reach = [each for each in near if SPEED_RATIOS[0] <= wanted / max(each.speed, 0.05) <= SPEED_RATIOS[1]]
+        options = (reach or near)[: max(6, len(near) // 6)]
     people = sorted({clip_record(each.clip).subject for each in options})
     person = people[int(rng.integers(len(people)))]
     own = [each for each in options if clip_record(each.clip).subject == person]

@@ -8,7 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.generative.clip_choice import GAITS, PACES, RATE, ROOM, SIZES, choose, edited, plain_clip, span_at
+from rfgen_sionna.generative.clip_choice import (
+    GAITS,
+    PACES,
+    RATE,
+    ROOM,
+    SIZES,
+    SPEED_RATIOS,
+    choose,
+    edited,
+    plain_clip,
+    span_at,
+)
 from rfgen_sionna.generative.clip_sequences import at_rate, check_pace, once, repeated
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.clip_editing import flights, scaled
@@ -22,8 +33,6 @@ _BALLISTIC = 0.3
 """Share of the variation of pace of who falls or flies."""
 _UNEVEN = 0.05
 """Standard deviation of the difference in size between left and right."""
-_RATIOS = (0.5, 1.7)
-"""Factors on the speed over the floor of a clip."""
 _SHORTEST_WAY = 3.1
 """Way of a walk that turns back or goes around [m]."""
 _FASTEST_ROUND = 2.9
@@ -89,11 +98,11 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
         # half of the change of speed by cadence, half by the length of the steps
         ratio = asked / max(window.speed, 0.05)
         pace, size = float(np.sqrt(ratio)), float(np.sqrt(ratio))
-        if manner.speed_mps is not None and not _RATIOS[0] <= ratio <= _RATIOS[1]:
+        if manner.speed_mps is not None and not SPEED_RATIOS[0] <= ratio <= SPEED_RATIOS[1]:
             speeds = [each.speed for each in windows()[GAITS.get(action, action)]]
             raise PromptError(
-                f"speed: {manner.speed_mps:g} m/s with {action!r}; allowed are {_RATIOS[0] * min(speeds):.2g} to "
-                f"{_RATIOS[1] * max(speeds):.2g} m/s"
+                f"speed: {manner.speed_mps:g} m/s with {action!r}; allowed are {SPEED_RATIOS[0] * min(speeds):.2g} to "
+                f"{SPEED_RATIOS[1] * max(speeds):.2g} m/s"
             )
     gait = repeated(GAITS.get(action, action), window, mirror, pace, count + 1, rng, names, steady=True)
     speed = own_speed(gait)

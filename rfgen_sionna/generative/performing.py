@@ -40,6 +40,8 @@ _STOOP = float(np.radians(14.0))
 """Bend of the trunk of who is tired [rad]."""
 _LOW, _SLOW = 0.035, 0.6
 """Height over the floor [m] and speed [m/s] under which a foot stands."""
+_SPEED_OFF = 0.25
+"""Largest difference of the mean speed from a given one, share: who sets off, turns or sways has another."""
 _MOVES = 0.5
 """Speed from which a foot is not planted [m/s]."""
 SHORTEST_WAY, SHORTEST_WAY_BACK = 1.5, 2.5
@@ -136,11 +138,23 @@ def perform(
     if arms and action == "standing":
         action, arms = arms, ""
     for motion, verdict in trials(action, duration, seed, body, manner, share, arms=arms, posture=posture):
-        if verdict.true:
+        missed = _missed_speed(motion, manner)
+        if verdict.true and not missed:
             return replace(motion, seed=seed)
-        reasons = reasons or verdict.reasons
+        reasons = reasons or (*verdict.reasons, *missed)
     done = f"{action!r} with the arms of {arms or posture!r}" if arms or posture else repr(action)
     raise PromptError(f"action: no motion of {ATTEMPTS} shows {done} for {duration:g} s: {'; '.join(reasons)}")
+
+
+def _missed_speed(motion: Motion, manner: Manner) -> tuple[str, ...]:
+    """Why a motion has not the speed over the floor that its manner gives; empty if it has."""
+    if manner.speed_mps is None or manner.pauses:
+        return ()
+    steps = np.linalg.norm(np.diff(motion.translation[:, :2], axis=0), axis=-1)
+    mean = float(steps.sum() * motion.frame_rate / max(len(steps), 1))
+    if abs(mean - manner.speed_mps) <= max(_SPEED_OFF * manner.speed_mps, 0.1):
+        return ()
+    return (f"mean speed over the floor [m/s]: {mean:.2g}, {manner.speed_mps:g} is asked for",)
 
 
 def _check_manner(action: str, manner: Manner) -> None:

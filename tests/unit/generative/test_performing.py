@@ -262,3 +262,17 @@ def test_small_hops_are_low_and_large_ones_high(seed: int) -> None:
         highest.append(toes.min(axis=1).max() - MEAN_ADULT.toe_height)
     assert highest[0] < 0.12
     assert highest[0] < highest[1] < highest[2]
+
+
+@pytest.mark.parametrize(("action", "speed"), [("walk", 0.3), ("run", 8.0), ("walk_backwards", 0.8)])
+def test_a_given_speed_is_kept(action: str, speed: float) -> None:
+    for seed in range(2):
+        motion = perform(action, 3.0, seed, manner=Manner(speed_mps=speed))
+        way = np.linalg.norm(np.diff(motion.translation[:, :2], axis=0), axis=-1).sum()
+        assert way / 3.0 == pytest.approx(speed, rel=0.25)
+
+
+@pytest.mark.parametrize(("action", "speed"), [("walk", 2.5), ("limp", 1.5)])
+def test_a_speed_that_no_motion_reaches_is_refused(action: str, speed: float) -> None:
+    with pytest.raises(PromptError, match="speed"):
+        perform(action, 3.0, 0, manner=Manner(speed_mps=speed))
