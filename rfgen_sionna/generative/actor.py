@@ -41,7 +41,7 @@ from rfgen_sionna.generative.person_decisions import (
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, ScenePrompt, check_seed
 from rfgen_sionna.generative.prompts.prompt_reader import read_prompt
 from rfgen_sionna.generative.prompts.thing_prompt import ThingPrompt
-from rfgen_sionna.generative.radar_placement import place_before_radar, way_decisions
+from rfgen_sionna.generative.radar_placement import distance_for_way, place_before_radar, way_decisions
 from rfgen_sionna.generative.things.prompted_thing import prompted_thing
 from rfgen_sionna.generative.things.thing_placement import Thing, named_thing
 from rfgen_sionna.radar.pose import rotation_matrix
@@ -195,6 +195,11 @@ class Actor(MeshActor):
                 rig = person(phenotype, seed=seed)
         performed = performed_motion(said, duration, seed, rig.skeleton, source)
         free = position is None and orientation is None
+        if free and said.distance_m is None:
+            distance = distance_for_way(performed, np.radians(said.orientation_deg or 0.0), DEFAULT_DISTANCE)
+            place, _ = place_before_radar(radar, distance, said.bearing_deg or 0.0)
+            if distance > DEFAULT_DISTANCE:
+                said = replace(said, distance_m=distance, origins={**said.origins, "distance": "room for the way"})
         way = way_decisions(said, performed, place if free else None, yaw, radar)
         arguments = {"position": position, "orientation": orientation, "body": body}
         return cls(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.generative.bodies import BodySequence, Phenotype, Rig, animate, person
+from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion import ACTIONS, KinematicSource
 from rfgen_sionna.generative.motion.arm_actions import GESTURES
 from rfgen_sionna.generative.motion.balance import centre_of_mass
@@ -222,7 +223,9 @@ def test_a_standing_person_would_not_fall(action, body):
 @pytest.mark.parametrize("body", BODIES)
 def test_hanging_hands_stay_out_of_the_thighs(body):
     """Beside the body at the height of the hand, nothing of trunk and thighs reaches as far out as the palm."""
-    _, sequence = performance("standing", body, list(BODIES).index(body))
+    rig, hanging = rig_of(body), Manner(arm_posture="hanging")
+    seed = list(BODIES).index(body)
+    sequence = animate(rig, KinematicSource()("standing", DURATION, seed, skeleton=rig.skeleton, manner=hanging))
     names, faces = sequence.part_names, sequence.faces
     rows = {
         part: np.unique(faces[sequence.face_parts == names.index(part)])

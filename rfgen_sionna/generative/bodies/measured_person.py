@@ -36,6 +36,8 @@ _TRUST_IN_FLOOR = 0.5
 """Share of a slow error of the height that moves the body; the rest may be of the ankles alone."""
 _SLOW = 0.5
 """Smoothing time of the height over the floor [s]; slower than any step."""
+_SIDE_SWAY = 0.2
+"""Share of the way to whose sides no slope is fitted."""
 _TRAVEL = 1.0
 """Least way of a person that shows whether the floor is level [m]."""
 _SLOPE = 1.5
@@ -146,7 +148,7 @@ def _warn_of_slope(lowest: FloatArray, recording: JointRecording) -> None:
     way = way - way.mean(axis=0)
     if np.ptp(way, axis=0).max() < _TRAVEL:
         return
-    slope = np.linalg.lstsq(way, lowest - lowest.mean(), rcond=1e-2)[0]
+    slope = np.linalg.lstsq(way, lowest - lowest.mean(), rcond=_SIDE_SWAY)[0]
     angle = float(np.degrees(np.arctan(np.linalg.norm(slope))))
     if angle > _SLOPE:
         _LOG.warning(
