@@ -50,6 +50,7 @@ _STOOLS = ("cmu_13_01", "cmu_14_27", "cmu_14_28", "cmu_14_29", *(f"cmu_86_09_s{k
 """Clips of people who sit on high stools, the pelvis at nine tenths of standing."""
 _OTHERWISE = MappingProxyType(
     {
+        "fall": ("cmu_90_16_dm",),  # flies 0.6 m up into it, as acrobats do
         "crawl": ("accad_f1_A12_CrawlBackwards", "accad_m1_A12_CrawlBackward", "accad_m2_A12_CrawlBackwards"),
         "lie": ("accad_m2_A8_CrouchToLie",),  # props itself up at the end
         "lie_down": ("accad_m2_A8_CrouchToLie",),
@@ -59,7 +60,7 @@ _OTHERWISE = MappingProxyType(
         "sit_and_stand": _STOOLS,
     }
 )
-"""Action -> clips that show it in another way than its name alone means: backwards, propped up, on a stool or the
+"""Action -> clips that show it in another way than its name alone means: with a leap, backwards, propped up, on a stool or the
 floor. The reader refuses most of these kinds."""
 _MADE = ("simulated", "edited")
 """Kinds of clips that were made to show one action once."""
