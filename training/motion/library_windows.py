@@ -60,8 +60,8 @@ _OTHERWISE = MappingProxyType(
         "sit_and_stand": _STOOLS,
     }
 )
-"""Action -> clips that show it in another way than its name alone means: with a leap, backwards, propped up, on a stool or the
-floor. The reader refuses most of these kinds."""
+"""Action -> clips that show it in another way than its name alone means: with a leap, backwards, propped up, on a
+stool or the floor. The reader refuses most of these kinds."""
 _MADE = ("simulated", "edited")
 """Kinds of clips that were made to show one action once."""
 _MANY = 3
