@@ -104,8 +104,12 @@ def read_prompts(prompt: str, negative: str = "", *, seed: int = 0) -> PromptedA
 
 
 def _straight(said: ScenePrompt) -> ScenePrompt:
-    """The prompt with a walk on a line, where places of actors to each other need one."""
-    return said if isinstance(said, ThingPrompt) or said.action != "walk" else replace(said, action="walk_straight")
+    """The prompt with a walk or run on a line, where places of actors to each other need one."""
+    if isinstance(said, ThingPrompt) or said.manner.path is not None:
+        return said
+    if said.action == "run":
+        return replace(said, manner=replace(said.manner, path="straight"))
+    return said if said.action != "walk" else replace(said, action="walk_straight")
 
 
 def actors_from_prompt(

@@ -153,6 +153,11 @@ def test_each_is_as_far_as_the_prompt_says_and_faces_the_radar() -> None:
         assert "0° from facing the radar" in actor.report()
 
 
+@pytest.mark.parametrize("prompt", ["a girl runs followed by a woman", "two people run towards each other"])
+def test_those_who_run_to_each_other_keep_on_a_line(prompt: str) -> None:
+    assert [each.manner.path for each in read_prompts(prompt).said] == ["straight"] * 2
+
+
 def test_two_walk_away_from_each_other() -> None:
     actors = actors_from_prompt("two people walk away from each other", seed=0, duration=1.0, motion="kinematic")
     apart = [
