@@ -22,6 +22,7 @@ from rich.console import Console
 
 from rfgen_sionna.generative.action_definitions import DEFINED_ACTIONS, MotionSignals, check
 from rfgen_sionna.generative.motion.clip_editing import cut, joint_places, mirrored
+from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT, SIDES
 from rfgen_sionna.generative.motion_library import FOLDER, LibraryClip, MotionLibrary
 from rfgen_sionna.generative.repertoire import WINDOWS, Window
@@ -41,9 +42,14 @@ _BORROWED = MappingProxyType(
         "jump": ("jump_forward",),
         "lie": ("lie_down",),
         "fall": ("fall_forward", "fall_backward", "fall_sideways"),
+        "slip": ("fall_backward", "fall_sideways"),
     }
 )
 """Action -> actions of clips that hold it, too."""
+_NOT_PRONE = frozenset({"slip"})
+"""Actions whose clips end on the back or a side: the foot that slides away leaves the trunk behind."""
+_PRONE = -0.5
+"""Vertical part of the direction to which the pelvis faces, under which a body that lies is face down."""
 _LEFT_OUT = MappingProxyType({"carry": ("carry_run",)})
 """Action -> actions of clips that show it in another way than is meant."""
 _STOOLS = ("cmu_13_01", "cmu_14_27", "cmu_14_28", "cmu_14_29", *(f"cmu_86_09_s{k}" for k in range(2, 6)))
@@ -119,7 +125,7 @@ def windows_of(clip: LibraryClip, motion: Motion, action: str, whole: dict[bool,
             break
     if not found and plain is not None:
         found = [(0, frames)]
-    if not found:
+    if not found or (action in _NOT_PRONE and to_matrices(motion.rotations[-1, 0])[2, 0] < _PRONE):
         return []
     evenly = np.unique(np.linspace(0, len(found) - 1, _MANY).round().astype(int))
     out = []

@@ -137,6 +137,7 @@ ACTIONS: Mapping[str, Action] = MappingProxyType(
             _posture("lie", "lies on the floor", floor_actions.lie),
             Action("sit_up", "does sit-ups", floor_actions.sit_up),
             Action("push_up", "does push-ups", floor_actions.push_up),
+            Action("hop", "hops on the spot", jumps.hop),
         )
     }
 )

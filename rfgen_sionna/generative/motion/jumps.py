@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
@@ -14,6 +16,8 @@ from rfgen_sionna.generative.motion.tracks import MotionTracks
 
 GRAVITY = 9.81
 """[m/s²]"""
+_LOWEST = 0.05
+"""Height of the smallest jump of a mean adult [m]; it flies 0.2 s."""
 
 
 def _airborne(tracks: MotionTracks, reach: float = 0.985) -> None:
@@ -69,14 +73,15 @@ def _leave_floor(
 def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Repeated jumps: dip with the arms back, push off, fly, land softly, stand.
 
-    The centre of mass flies 0.08 to 0.3 m high; small jumps 0.05 m and high ones 0.36 m.
+    The centre of mass flies 0.08 to 0.3 m high; small jumps 0.05 m, as lower ones hardly leave the floor, and high
+    ones 0.36 m.
     """
     t, sk = tracks.t, tracks.skeleton
     leg = sk.leg_length()
     quiet(tracks, rng, 0.7)
     relaxed(tracks, rng)
     drawn = rng.uniform(0.08, 0.3) if manner.amplitude is None else 0.165 * rng.uniform(0.93, 1.1)
-    height = drawn * manner.size**2.3 * leg / 0.82
+    height = max(drawn * manner.size**2.3, _LOWEST) * leg / 0.82
     effort = np.clip(np.sqrt(height / 0.2), 0.45, 1.15)
     depth = rng.uniform(0.14, 0.24) * leg * effort
     take_off = np.sqrt(2.0 * GRAVITY * height)
@@ -156,6 +161,11 @@ def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Mann
     over_feet(tracks, ahead=0.055)
     tracks.pelvis[:, 2] = grounded[:, 2]
     _airborne(tracks, 0.972)
+
+
+def hop(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
+    """Jumps that follow one another at twice the pace."""
+    jump(tracks, rng, hand, replace(manner, speed=2.0 * (1.0 if manner.speed is None else manner.speed)))
 
 
 def _dips(times: list[float], z: list[list[float]]) -> tuple[list[float], list[float]]:

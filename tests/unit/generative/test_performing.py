@@ -264,6 +264,28 @@ def test_small_hops_are_low_and_large_ones_high(seed: int) -> None:
     assert highest[0] < highest[1] < highest[2]
 
 
+@pytest.mark.parametrize("action", ["hop", "jump"])
+def test_the_size_of_jumps_is_the_height_of_their_flights(action: str) -> None:
+    def rise(size: float, seed: int) -> float:
+        places = joint_places(perform(action, 4.0, seed, manner=Manner(amplitude=size)))
+        toes = places[:, FEET, 2].min(axis=1) - MEAN_ADULT.toe_height
+        assert abs(np.percentile(toes, 5)) < 0.01
+        return float(toes.max())
+
+    for seed in range(3):
+        assert 0.03 <= rise(0.4, seed) <= 0.08
+        assert 0.03 <= rise(0.6, seed) <= 0.08
+        assert 0.08 <= rise(1.0, seed) <= 0.25
+        assert rise(1.4, seed) > 0.25
+
+
+def test_who_slips_lands_on_the_back_or_a_side() -> None:
+    for seed in range(6):
+        motion = perform("slip", 4.0, seed)
+        x, y, z, w = motion.rotations[-1, 0]
+        assert 2.0 * (x * z - w * y) > -0.6  # the front of the pelvis does not face the floor
+
+
 @pytest.mark.parametrize(("action", "speed"), [("walk", 0.3), ("run", 8.0), ("walk_backwards", 0.8)])
 def test_a_given_speed_is_kept(action: str, speed: float) -> None:
     for seed in range(2):
