@@ -69,8 +69,10 @@ OWN_PATHS: Mapping[str, str] = MappingProxyType(
     {"walk_straight": "straight", "walk_to_and_fro": "to_and_fro", "walk_in_a_circle": "circle"}
 )
 """Action -> kind of way that its name gives."""
-HELD = frozenset({"standing", "sit", "lie", "t_pose", "phone", "type", "drink"})
+HELD = frozenset({"standing", "sit", "lie", "kneel", "t_pose", "phone", "type", "drink"})
 """Actions that are held."""
+CALM = frozenset({"standing", "look_around", "bow", "both_arms_raised"})
+"""Actions about one place, on the feet, whose clips hardly differ in pace and size: posture and sway vary, too."""
 LEAPS = frozenset({"jump", "jump_forward", "hop", "leap", "skip"})
 """Jumps that may lead over the floor."""
 JUMPS = LEAPS | {"jump_twist"}

@@ -54,19 +54,21 @@ _LEFT_OUT = MappingProxyType({"carry": ("carry_run",)})
 """Action -> actions of clips that show it in another way than is meant."""
 _STOOLS = ("cmu_13_01", "cmu_14_27", "cmu_14_28", "cmu_14_29", *(f"cmu_86_09_s{k}" for k in range(2, 6)))
 """Clips of people who sit on high stools, the pelvis at nine tenths of standing."""
+_FROM_A_CROUCH = ("accad_f1_A08_CrouchToLie", "accad_m1_A8_CrouchToLie", "accad_m2_A8_CrouchToLie")
+"""Clips of people who lie down from a crouch; one props itself up at the end."""
 _OTHERWISE = MappingProxyType(
     {
         "fall": ("cmu_90_16_dm",),  # flies 0.6 m up into it, as acrobats do
         "crawl": ("accad_f1_A12_CrawlBackwards", "accad_m1_A12_CrawlBackward", "accad_m2_A12_CrawlBackwards"),
-        "lie": ("accad_m2_A8_CrouchToLie",),  # props itself up at the end
-        "lie_down": ("accad_m2_A8_CrouchToLie",),
+        "lie": _FROM_A_CROUCH,
+        "lie_down": _FROM_A_CROUCH,
         "sit": (*_STOOLS, "m2m_addon_Meditate"),
         "sit_down": (*_STOOLS, "kaykit_Sit_Floor_Down", "sl_sit_ground"),
         "stand_up": _STOOLS,
         "sit_and_stand": _STOOLS,
     }
 )
-"""Action -> clips that show it in another way than its name alone means: with a leap, backwards, propped up, on a
+"""Action -> clips that show it in another way than its name alone means: with a leap, backwards, from a crouch, on a
 stool or the floor. The reader refuses most of these kinds."""
 _MADE = ("simulated", "edited")
 """Kinds of clips that were made to show one action once."""

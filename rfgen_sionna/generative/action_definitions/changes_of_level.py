@@ -229,10 +229,15 @@ def squat(s: MotionSignals) -> Requirements:
     ]
 
 
-@defines("kneel", "On a knee for 0.8 s or more, trunk up, pelvis over the floor.")
+@defines("kneel", "On a knee most of the time and at the end, trunk up, pelvis over the floor.")
 def kneel(s: MotionSignals) -> Requirements:
     down = (s.pair("knee")[..., 2].min(axis=1) < 0.14) & (s.pelvis_height > 0.25) & (s.pelvis_height < 0.65)
-    return [at_least("longest time on a knee, trunk up [s]", longest(down & (s.inclination < 85.0)), 0.8)]
+    on_a_knee = down & (s.inclination < 85.0)
+    return [
+        at_least("longest time on a knee, trunk up [s]", longest(on_a_knee), 0.7),
+        at_least("share of time on a knee, trunk up", share(on_a_knee), 0.6),
+        at_least("share of the last 0.3 s on a knee, trunk up", share(on_a_knee[LAST]), 0.8),
+    ]
 
 
 @defines("bend", "From upright the trunk goes down by 40 degrees or more, on the feet, in about one place.")
