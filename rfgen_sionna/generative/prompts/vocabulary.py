@@ -19,7 +19,7 @@ ORIENTATION_PATTERNS: tuple[tuple[float, str], ...] = (
     (0.0, rf"(?:directly |straight )?at {RADAR}|(?:(?:seen|viewed) )?from the front|front view|frontal|(?:face|head) on"),
     (90.0, r"(?:<face>|<look>|turned|oriented|orientation) (?:(?:to|towards?) )?(?:the |<a>own )?left(?:wards?)?|(?:in )?left profile"),
     (270.0, r"(?:<face>|<look>|turned|oriented|orientation) (?:(?:to|towards?) )?(?:the |<a>own )?right(?:wards?)?|(?:in )?right profile"),
-    (90.0, rf"(?:<face>|<look>|turned|oriented|orientation) (?:sideways|to the side)|side ?on(?: (?:to|towards?) {RADAR})?|sideways (?:to|towards?) {RADAR}|(?:(?<=, )|^)sideways(?= ,|$)|side view"
+    (90.0, rf"(?:<face>|<look>|turned|oriented|orientation) (?:sideways|to the side)|(?<!his )(?<!her )(?<!their )(?<!its )(?<!the )(?<!a )(?<!one )(?<!left )(?<!right )side ?on(?: (?:to|towards?) {RADAR})?|sideways (?:to|towards?) {RADAR}|(?:(?<=, )|^)sideways(?= ,|$)|side view"
            r"|(?:(?:seen|viewed) )?from the side|in profile|profile view"),
 )  # fmt: skip
 """(angle [degrees], pattern): 0 faces the radar, positive turns towards the person's own left."""
