@@ -12,7 +12,12 @@ from rfgen_sionna.generative.performing import performable
 from rfgen_sionna.generative.prompts.action_reader import ActionReader, ActionReading
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.text_reader import AFTERWARDS
-from rfgen_sionna.generative.prompts.unmade_variants import refuse_passive, refuse_unmade
+from rfgen_sionna.generative.prompts.unmade_variants import (
+    refuse_limbs,
+    refuse_passive,
+    refuse_unmade,
+    words_without_effect,
+)
 from rfgen_sionna.generative.prompts.vocabulary import FILLERS
 from rfgen_sionna.generative.prompts.word_order import FAMILIES, limb_side
 
@@ -60,6 +65,7 @@ def choose_action(clauses: Sequence[str], prompt: str) -> ActionChoice:
         ImportError: the packages of the reader are missing.
     """
     refuse_passive(prompt)
+    refuse_limbs(prompt)
     phrase = " , ".join(clauses)
     parts = [part.strip(" ,") for part in re.split(r"\bor\b", phrase) if part.strip(" ,")]
     if len(parts) > 1:
@@ -88,7 +94,9 @@ def choose_action(clauses: Sequence[str], prompt: str) -> ActionChoice:
     arms = _open(reading.arms, phrase) if reading.arms else ()
     lost = tuple(word for word in reading.unknown if word not in _NO_NEWS)
     lost += tuple(words for words in re.findall(_COUNTS, phrase) if not set(words.split()) & set(lost))
-    return ActionChoice(reading.options or (reading.action,), arms, reading.side, lost, phrase)
+    options = reading.options or (reading.action,)
+    lost += tuple(words for words in words_without_effect(options, phrase) if words not in lost)
+    return ActionChoice(options, arms, reading.side, lost, phrase)
 
 
 def named_actions(phrase: str) -> frozenset[str]:

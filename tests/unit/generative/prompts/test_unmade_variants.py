@@ -21,6 +21,15 @@ from rfgen_sionna.generative.prompts.prompt_error import PromptError
         ("a boy hops on one leg", "on one leg"),
         ("a man claps above his head", "above his head"),
         ("a man is pushed", "is pushed"),
+        ("a man waves his legs", "waves his legs"),
+        ("a man draws a circle with his foot", "with his foot"),
+        ("a boy skips rope", "rope"),
+        ("a man raises both legs", "both legs"),
+        ("a man with three arms waves", "with three arms"),
+        ("a man kicks back and relaxes", "kicks back"),
+        ("a woman stands out", "stands out"),
+        ("a man does push-ups on one hand", "on one hand"),
+        ("a man bends his arm", "bends his arm"),
     ],
 )
 def test_a_kind_that_no_motion_shows_is_refused(prompt: str, words: str) -> None:
@@ -38,10 +47,29 @@ def test_a_kind_that_no_motion_shows_is_refused(prompt: str, words: str) -> None
         ("a man raises his left arm", "left_arm_raised"),
         ("a person claps the hands in front of the body", "clap"),
         ("a man slips", "slip"),
+        ("a man waves both arms above his head", "wave"),
+        ("a man jumps with both feet", "jump"),
+        ("a man kicks with his left foot", "left_kick"),
+        ("a man lifts a box over his head", "lift"),
+        ("a man stumbles forward", "stumble"),
+        ("a jogger passes by", "run"),
+        ("a jogger walks", "walk"),
     ],
 )
 def test_the_kind_that_is_made_is_read(prompt: str, action: str) -> None:
     assert read_prompt(prompt).action == action
+
+
+def test_a_sprint_is_faster_than_a_run_unless_a_speed_is_given() -> None:
+    speed = read_prompt("a man sprints").manner.speed
+    assert speed is not None
+    assert speed > 1.0
+    assert read_prompt("a man runs").manner.speed is None
+    assert read_prompt("a man sprints at 5 m/s").manner.speed_mps == 5.0
+
+
+def test_the_way_that_somebody_points_is_named_as_without_effect() -> None:
+    assert any("'at the ceiling'" in warning for warning in read_prompt("a man points at the ceiling").warnings)
 
 
 @pytest.mark.parametrize(("prompt", "words"), [("a man waves twice", "twice"), ("a woman does three squats", "three")])
