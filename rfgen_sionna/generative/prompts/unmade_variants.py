@@ -92,7 +92,7 @@ _VARIANTS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (("walk", "walk_straight"), rf"on {_HIS}heels", "who walks does it on the whole foot"),
     (
         ("slip", "faint", "stumble"),
-        rf"backwards?|<no stumble>forwards?|sideways|face (?:down|up)(?:wards)?|on {_HIS}{_SIDE}(?:back|face|front|stomach|side)",
+        rf"backwards?|<ahead>|sideways|face (?:down|up)(?:wards)?|on {_HIS}{_SIDE}(?:back|face|front|stomach|side)",
         "how somebody comes to lie then is not chosen; 'falls backwards' can be done",
     ),
 )  # fmt: skip
@@ -114,7 +114,7 @@ _PASSIVE = (
 )
 """Movements that somebody else makes."""
 _SHORT = {
-    "<no stumble>": r"(?<!stumbles )(?<!stumbling )",
+    "<ahead>": r"(?<!stumbles )(?<!stumbling )forwards?",
     "<his>": r"(?:his|her|their|its)",
     "<lean>": r"(?:leans?|leaning|bends?|bending)",
     "<shake>": r"(?:waves?|waving|claps?|clapping)",

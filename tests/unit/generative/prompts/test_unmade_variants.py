@@ -12,7 +12,7 @@ from rfgen_sionna.generative.prompts.prompt_error import PromptError
 @pytest.mark.parametrize(
     ("prompt", "words"),
     [
-        ("a man lies down on his back", "on his back"),
+        ("a man lies down on his stomach", "on his stomach"),
         ("a person sits on the ground", "on the ground"),
         ("a student sits cross-legged", "cross legged"),
         ("a toddler crawls backwards", "backwards"),
@@ -43,6 +43,8 @@ def test_a_kind_that_no_motion_shows_is_refused(prompt: str, words: str) -> None
         ("a patient sleeps on his back", "lie"),
         ("a man sits on a chair with both feet on the floor", "sit"),
         ("a baby crawls forwards", "crawl"),
+        ("a man lies down on his back", "lie_down"),
+        ("a man crawls back and forth", "crawl"),
         ("a man bends down", "bend"),
         ("a man raises his left arm", "left_arm_raised"),
         ("a person claps the hands in front of the body", "clap"),
