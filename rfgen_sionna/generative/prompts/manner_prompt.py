@@ -134,8 +134,14 @@ POSTURES: tuple[tuple[str, str], ...] = (
 )
 """(posture of the arms, pattern)."""
 LYING: tuple[tuple[str, str], ...] = (
-    ("stomach", r"face down(?:wards)?|prone|on (?:(?:the|his|her|their|its) )?(?:front|stomach|belly|tummy|face)"),
-    ("back", r"face up(?:wards)?|supine|on (?:(?:the|his|her|their|its) )?back"),
+    (
+        "stomach",
+        r"(?:face|facing|belly|stomach) (?:down(?:wards)?|(?:to|on|against|towards) the (?:floor|ground|bed|mattress))|prone|prostrate|on (?:(?:the|his|her|their|its) )?(?:front|stomach|belly|tummy|face)",
+    ),
+    (
+        "back",
+        r"(?:face|facing|belly|stomach) (?:up(?:wards)?|(?:to|towards) the (?:ceiling|sky))|supine|on (?:(?:the|his|her|their|its) )?back",
+    ),
     ("left_side", r"on (?:(?:the|his|her|their|its) )?left side"),
     ("right_side", r"on (?:(?:the|his|her|their|its) )?right side"),
     ("side", r"sideways|on (?:(?:one|a|the|his|her|their|its) )?side"),
