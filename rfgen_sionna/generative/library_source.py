@@ -74,6 +74,8 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
     count = int(np.ceil(duration * RATE - 1e-9)) + 1
     names = [window.clip]
     if action in ONCE:
+        if strength > 0.0 and manner.speed is None:  # it ends within the time
+            pace = max(pace, min((window.stop - window.start) / (count - 2), PACES[1]))
         motion = once(edited(window, mirror, pace), span_at(window, pace), count, rng)
         return Draft(_resized(motion, action, size, uneven), tuple(names))
     path = way_of(action, manner, window.speed * pace * duration) if strength > 0.0 else None
