@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
+from types import MappingProxyType
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.generative.action_definitions.sampled_series import period
 from rfgen_sionna.generative.clip_choice import RATE, clip_record, edited, plain_clip, span_at
 from rfgen_sionna.generative.motion.clip_editing import (
@@ -17,7 +22,8 @@ from rfgen_sionna.generative.motion.clip_editing import (
     sway,
 )
 from rfgen_sionna.generative.motion.floor_ways import steady_part
-from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
+from rfgen_sionna.generative.motion.rotations import continuous
+from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, NUM_BODY_JOINTS
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.repertoire import HELD, WAYS, Window, windows
 from rfgen_sionna.records import Motion
@@ -37,6 +43,10 @@ _PERIODIC = 0.6
 _PACE_LIMITS = (0.5, 1.8)
 """Factors on the pace of a clip for a rate."""
 _LEGS = ("hip", "knee", "ankle", "foot")
+_HELD_OTHERWISE = MappingProxyType({"spine1": 0.025, "spine2": 0.025, "spine3": 0.025, "neck": 0.04, "head": 0.05})
+"""Joint -> standard deviation of its turn about each axis between two times that a person stands [rad]."""
+_ARM_OFF = 0.06
+"""The same of a shoulder, outwards and ahead [rad]."""
 
 
 def once(clip: Motion, span: tuple[int, int], count: int, rng: np.random.Generator) -> Motion:
@@ -64,14 +74,39 @@ def _speed_at(motion: Motion, frame: int) -> float:
 
 def held_pose(motion: Motion, count: int, rng: np.random.Generator) -> Motion:
     """The motion, then `count` frames of its last pose with the sway of someone who stands or sits still."""
+    small = sway_of_standing(count, rng)
+    if motion.translation[-1, 2] < 0.7:
+        small[:, 0] = 0.0
+    return held(motion, count, small)
+
+
+def sway_of_standing(count: int, rng: np.random.Generator) -> FloatArray:
+    """(count, joint, 3) small turns over still legs of one of the people who stand [rad]."""
     still = [each for each in windows()["standing"] if clip_record(each.clip).duration > 10.0]
     clip = plain_clip(still[int(rng.integers(len(still)))].clip)
     small = sway(clip, count, int(rng.integers(len(clip.translation))))
-    calm = np.ones(NUM_BODY_JOINTS)
-    calm[[k for k, name in enumerate(JOINT_NAMES[:NUM_BODY_JOINTS]) if name.endswith(_LEGS)]] = 0.0
-    if motion.translation[-1, 2] < 0.7:
-        calm[0] = 0.0
-    return held(motion, count, calm[:, None] * small)
+    small[:, [k for k, name in enumerate(JOINT_NAMES[:NUM_BODY_JOINTS]) if name.endswith(_LEGS)]] = 0.0
+    return small
+
+
+def restless(motion: Motion, rng: np.random.Generator, strength: float) -> Motion:
+    """The motion of who keeps about still with the trunk, head and arms held a little otherwise, and with more sway.
+
+    Args:
+        motion: on the feet.
+        rng: of the posture and the sway.
+        strength: 1 for a usual difference between two times that a person stands.
+    """
+    turns = strength * sway_of_standing(len(motion.translation), rng)
+    turns[:, 0] = 0.0
+    for name, size in _HELD_OTHERWISE.items():
+        turns[:, JOINT[name]] += strength * np.clip(rng.normal(0.0, size, 3), -2.0 * size, 2.0 * size)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        # arms go out and ahead, never into the body
+        away, ahead = np.abs(rng.normal(0.0, _ARM_OFF, 2))
+        turns[:, JOINT[f"{side}_shoulder"]] += strength * np.array([sign * away, -ahead, 0.0])
+    rotations = Rotation.from_rotvec(turns.reshape(-1, 3)) * Rotation.from_quat(motion.rotations.reshape(-1, 4))
+    return replace(motion, rotations=continuous(rotations.as_quat().reshape(motion.rotations.shape)))
 
 
 def repeated(

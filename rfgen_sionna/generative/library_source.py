@@ -20,13 +20,13 @@ from rfgen_sionna.generative.clip_choice import (
     plain_clip,
     span_at,
 )
-from rfgen_sionna.generative.clip_sequences import at_rate, check_pace, once, repeated
+from rfgen_sionna.generative.clip_sequences import at_rate, check_pace, once, repeated, restless
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion.clip_editing import flights, scaled
 from rfgen_sionna.generative.motion.floor_ways import Stops, along, floor_way, gait_period, own_speed, own_way
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, NUM_BODY_JOINTS
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.repertoire import BALLISTIC, HELD, JUMPS, LEAPS, ONCE, OWN_PATHS, WAYS, windows
+from rfgen_sionna.generative.repertoire import BALLISTIC, CALM, HELD, JUMPS, LEAPS, ONCE, OWN_PATHS, WAYS, windows
 from rfgen_sionna.records import Motion
 
 _BALLISTIC = 0.3
@@ -84,7 +84,10 @@ def draft(action: str, duration: float, rng: np.random.Generator, manner: Manner
             motion = repeated(action, window, mirror, pace, count, rng, names)
         else:
             motion = at_rate(action, window, mirror, 60.0 / manner.rate, count, rng, names)
-        return Draft(_resized(motion, action, size, uneven), tuple(dict.fromkeys(names)))
+        motion = _resized(motion, action, size, uneven)
+        if action in CALM and strength > 0.0:
+            motion = restless(motion, rng, strength)
+        return Draft(motion, tuple(dict.fromkeys(names)))
     if manner.rate is not None:  # steps
         pace = manner.rate / 120.0 * gait_period(plain_clip(window.clip))
         check_pace(pace, manner.rate, action)

@@ -23,7 +23,17 @@ from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.motion.resampling import resample_motion
 from rfgen_sionna.generative.motion.skeleton import JOINT, NUM_BODY_JOINTS, SIDES
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
-from rfgen_sionna.generative.repertoire import ARMS_FREE, HELD, OFF_THE_FLOOR, ONCE, OWN_PATHS, POSTURES, WAYS, windows
+from rfgen_sionna.generative.repertoire import (
+    ARMS_FREE,
+    HELD,
+    JUMPS,
+    OFF_THE_FLOOR,
+    ONCE,
+    OWN_PATHS,
+    POSTURES,
+    WAYS,
+    windows,
+)
 from rfgen_sionna.records import Motion
 
 ATTEMPTS = 7
@@ -42,6 +52,8 @@ _LOW, _SLOW = 0.035, 0.6
 """Height over the floor [m] and speed [m/s] under which a foot stands."""
 _SPEED_OFF = 0.25
 """Largest difference of the mean speed from a given one, share: who sets off, turns or sways has another."""
+_HIGHEST_JUMP = 0.7
+"""Height of the feet in a high jump of the usual size [m]; a smaller one is lower by its amplitude."""
 _MOVES = 0.5
 """Speed from which a foot is not planted [m/s]."""
 SHORTEST_WAY, SHORTEST_WAY_BACK = 1.5, 2.5
@@ -55,7 +67,9 @@ EXACT = frozenset(
     }
 )  # fmt: skip
 """Actions whose rules are more exact than their clips, or whose clips are of fewer than three people."""
-FEW_CLIPS = frozenset({"sit", "sit_down", "stand_up", "sit_and_stand", "lie", "drink", "throw", "swing_arms"})
+FEW_CLIPS = frozenset(
+    {"sit", "sit_down", "stand_up", "sit_and_stand", "lie", "drink", "throw", "swing_arms", "look_around"}
+)
 """Actions of a handful of clips: of every other seed or so, rules come first."""
 
 
@@ -138,7 +152,7 @@ def perform(
     if arms and action == "standing":
         action, arms = arms, ""
     for motion, verdict in trials(action, duration, seed, body, manner, share, arms=arms, posture=posture):
-        missed = _missed_speed(motion, manner)
+        missed = (*_missed_speed(motion, manner), *_missed_height(motion, action, manner, body))
         if verdict.true and not missed:
             return replace(motion, seed=seed)
         reasons = reasons or (*verdict.reasons, *missed)
@@ -155,6 +169,17 @@ def _missed_speed(motion: Motion, manner: Manner) -> tuple[str, ...]:
     if abs(mean - manner.speed_mps) <= max(_SPEED_OFF * manner.speed_mps, 0.1):
         return ()
     return (f"mean speed over the floor [m/s]: {mean:.2g}, {manner.speed_mps:g} is asked for",)
+
+
+def _missed_height(motion: Motion, action: str, manner: Manner, body: Skeleton) -> tuple[str, ...]:
+    """Why a jump is higher than a small one; empty if it is not, or no small one is asked for."""
+    if action not in JUMPS or manner.amplitude is None or manner.amplitude >= 1.0:
+        return ()
+    toes = joint_places(motion)[:, [JOINT[f"{side}_foot"] for side in SIDES], 2].min(axis=1) - body.toe_height
+    highest = _HIGHEST_JUMP * manner.amplitude * body.leg_length() / MEAN_ADULT.leg_length()
+    if toes.max() <= highest:
+        return ()
+    return (f"highest rise of the lower foot [m]: {toes.max():.2g}, at most {highest:.2g} is asked for",)
 
 
 def _check_manner(action: str, manner: Manner) -> None:

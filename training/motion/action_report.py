@@ -65,7 +65,7 @@ class ActionFigures:
     speed: float | None
     """95th percentile of the speed of wrists and ankles in the liveliest stretch, median over motions [m/s]."""
     speed_ratio: float | None
-    """That over the clips'."""
+    """That over the clips', of whom each person counts the same, as in the choice of clips."""
     slide: float | None
     """Mean speed over the floor of feet that stand [m/s]."""
     slide_clips: float | None
@@ -187,6 +187,12 @@ def _median(values: Sequence[float | None]) -> float | None:
     return float(np.median(known)) if known else None
 
 
+def _by_person(clips: Sequence[LibraryClip], values: Sequence[float]) -> list[float]:
+    """Median of the values of each person's clips."""
+    subjects = np.array([clip.subject for clip in clips])
+    return [float(np.median(np.asarray(values)[subjects == each])) for each in sorted(set(subjects))]
+
+
 def _over(value: float | None, reference: float | None) -> float | None:
     return value / reference if value is not None and reference else None
 
@@ -241,7 +247,7 @@ def measure_action(action: str, seeds: int, duration: float, reference: ClipRefe
         clips=len(clips),
         subjects=subjects,
         speed=speed,
-        speed_ratio=_over(speed, _median([extremity_speed(s, part) for s in real])),
+        speed_ratio=_over(speed, _median(_by_person(clips, [extremity_speed(s, part) for s in real]))),
         slide=slide,
         slide_clips=_median([standing_slide(s) for s in real]),
         below=max((depth(s) for s in signals), default=0.0),

@@ -106,6 +106,17 @@ def test_with_strength_no_clip_is_copied() -> None:
     assert nearest > 0.01
 
 
+@pytest.mark.parametrize("action", ["standing", "look_around", "shake_head", "nod"])
+def test_who_keeps_about_still_is_no_copy_of_a_clip(action: str) -> None:
+    for seed in range(3):
+        motion = perform(action, 3.0, seed)
+        for name in motion.clips:
+            own = motion.rotations[::3, 1:22][:20]
+            clip = LIBRARY.motion(name).rotations[:, 1:]
+            gap = min(float(np.abs(clip[k : k + 20] - own).max()) for k in range(len(clip) - 19))
+            assert gap > 0.01
+
+
 def test_a_strength_beyond_its_range_is_refused() -> None:
     with pytest.raises(ValueError, match=r"strength: 1\.5; allowed are 0, a clip as it is, to 1"):
         perform("kick", 2.0, 0, strength=1.5)
@@ -252,27 +263,15 @@ def test_every_action_of_clips_is_shown_for_every_seed(action: str) -> None:
         assert is_true_of(perform(action, 5.0, seed), action)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_small_hops_are_low_and_large_ones_high(seed: int) -> None:
-    """Also hops on a way round the room, which is taken where they would lead out of it."""
-    highest = []
-    for size in (0.4, 0.7, 1.0):
-        places = joint_places(perform("hop", 4.0, seed, manner=Manner(amplitude=size)))
-        toes = places[:, [JOINT["left_foot"], JOINT["right_foot"]], 2]
-        highest.append(toes.min(axis=1).max() - MEAN_ADULT.toe_height)
-    assert highest[0] < 0.12
-    assert highest[0] < highest[1] < highest[2]
-
-
 @pytest.mark.parametrize("action", ["hop", "jump"])
 def test_the_size_of_jumps_is_the_height_of_their_flights(action: str) -> None:
     def rise(size: float, seed: int) -> float:
-        places = joint_places(perform(action, 4.0, seed, manner=Manner(amplitude=size)))
+        places = joint_places(perform(action, 2.5, seed, manner=Manner(amplitude=size)))
         toes = places[:, FEET, 2].min(axis=1) - MEAN_ADULT.toe_height
         assert abs(np.percentile(toes, 5)) < 0.01
         return float(toes.max())
 
-    for seed in range(3):
+    for seed in range(2):
         assert 0.03 <= rise(0.4, seed) <= 0.08
         assert 0.03 <= rise(0.6, seed) <= 0.08
         assert 0.08 <= rise(1.0, seed) <= 0.25
