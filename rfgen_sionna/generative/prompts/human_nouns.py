@@ -60,7 +60,7 @@ PLURAL = (
     r"|kids|boys|girls|toddlers|babies|teen(?:ager)?s|seniors|elders|pensioners|patients|residents|participants"
     r"|volunteers|users|visitors|guests|passengers|customers|students|pupils|players|athletes|dancers|boxers|nurses"
     r"|doctors|workers|soldiers|friends|colleagues|neighbou?rs|strangers|twins|brothers|sisters|parents|couple|crowd"
-    r"|group|family|team)"
+    r"|runners|joggers|sprinters|walkers|hikers|group|family|team)"
 )
 """Pattern of several people."""
 _HUMAN = (
