@@ -32,6 +32,11 @@ _FALL_WAYS = (
     ("fall_forward", r"\bforwards?\b|\bahead\b|\bprone\b|\bheadlong\b|\bface (?:first|down)\b|\b(?:on|onto|to) (?:the |his |her |their )?(?:face|nose|stomach|belly|chest|knees|hands)\b|\b(?:trip|stumbl)\w*"),
     ("fall_sideways", r"\bside(?:ways?|wards?)?\b|\b(?:left|right)\b|\blaterally\b|\bhip\b"),
 )  # fmt: skip
+_CHANGES = (
+    ("stand_up", r"\b(?:sits(?! down)|sitting(?! down)|seated)\b.* (?:and|then|before) .*\b(?:(?:stands|gets|standing|getting) up|rises)$"),
+    ("sit_down", r"\b(?:stands(?! up)|standing(?! up)|upright)\b.* (?:and|then|before) .*\b(?:sits|sitting) down(?: on a (?:chair|seat|sofa))?$"),
+)  # fmt: skip
+"""One change between sitting and standing, from a posture that the words give."""
 FAMILIES = {
     "arm_raised": ("left_arm_raised", "right_arm_raised"),
     "arm_horizontal": ("left_arm_horizontal", "right_arm_horizontal"),
@@ -62,8 +67,12 @@ def actions_of(family: str, text: str) -> tuple[str, ...]:
     """
     if family in ("sit", "lie") and re.search(rf"\b{family}s? down\b|\bsitting down\b", text):
         return (f"{family}_down",)
-    if family == "lie_down" and re.search(r"\b(?:lies|lying) (?:face|flat|prone|supine|still|on|in|there)\b", text):
+    if family == "lie_down" and re.search(
+        r"\b(?:lies|lying) (?:face|flat|prone|supine|still|curled|on|in|there)\b", text
+    ):
         return ("lie",)
+    if family == "sit_and_stand":
+        return next(((action,) for action, pattern in _CHANGES if re.search(pattern, text)), (family,))
     if family == "sit_down" and re.search(r"\b(?:sits|sitting|seated) (?:at|on|in|by|still|there)\b", text):
         return ("sit",)
     if family not in FAMILIES:
