@@ -60,7 +60,7 @@ _OTHERWISE = MappingProxyType(
     {
         "fall": ("cmu_90_16_dm",),  # flies 0.6 m up into it, as acrobats do
         "crawl": ("accad_f1_A12_CrawlBackwards", "accad_m1_A12_CrawlBackward", "accad_m2_A12_CrawlBackwards"),
-        "get_up": ("accad_f1_A10_LieToCrouch", "accad_m1_A10_LieToCrouch", "accad_m2_A10_LieToCrouch"),
+        "get_up": ("kaykit_Lie_StandUp",),  # its pelvis is over the floor
         "lie": _FROM_A_CROUCH,
         "lie_down": _FROM_A_CROUCH,
         "sit": (*_STOOLS, "m2m_addon_Meditate"),
@@ -69,7 +69,7 @@ _OTHERWISE = MappingProxyType(
         "sit_and_stand": _STOOLS,
     }
 )
-"""Action -> clips that show it in another way than its name alone means: with a leap, backwards, from or to a
+"""Action -> clips that show it in another way than its name alone means: with a leap, backwards, from a
 crouch, on a stool or the floor. The reader refuses most of these kinds."""
 _MADE = ("simulated", "edited")
 """Kinds of clips that were made to show one action once."""

@@ -190,13 +190,13 @@ def fall_from_chair(s: MotionSignals) -> Requirements:
     ]
 
 
-@defines("get_up", "Pelvis at the floor and head low at first; on the feet at the end, crouched or standing.")
+@defines("get_up", "Pelvis at the floor and head low at first; upright on the feet at the end.")
 def get_up(s: MotionSignals) -> Requirements:
     return [
         at_most("height of the pelvis at first [m]", s.pelvis_height[:10].min(), 0.4),
         at_most("height of the head at first [m]", s.head_height[:10].min(), 0.75),
-        at_least("height of the pelvis at the end, share of standing", _height_at(s, LAST) / STANDING, 0.42),
-        at_least("height of the head at the end [m]", s.head_height[LAST].mean(), 0.8),
+        at_least("height of the pelvis at the end, share of standing", _height_at(s, LAST) / STANDING, 0.82),
+        at_least("height of the head at the end [m]", s.head_height[LAST].mean(), 1.1),
         at_most("inclination of the trunk at the end [degrees]", s.inclination[LAST].mean(), 60.0),
     ]
 
