@@ -65,7 +65,7 @@ class ActionFigures:
     speed: float | None
     """95th percentile of the speed of wrists and ankles in the liveliest stretch, median over motions [m/s]."""
     speed_ratio: float | None
-    """That over the clips', of whom each person counts the same, as in the choice of clips."""
+    """That of a motion over its own clips', or, of one by rules, over people's; median."""
     slide: float | None
     """Mean speed over the floor of feet that stand [m/s]."""
     slide_clips: float | None
@@ -235,6 +235,9 @@ def measure_action(action: str, seeds: int, duration: float, reference: ClipRefe
     names = reference.names(signals, [motion.clips for motion in motions], accepted)
     real_names = reference.names(real[:40], [(clip.name,) for clip in clips[:40]], accepted)
     speed, slide = _median([extremity_speed(s, part) for s in signals]), _median([standing_slide(s) for s in signals])
+    usual = _median(_by_person(clips, [extremity_speed(s, part) for s in real]))
+    made_of = [[reference.signals[name] for name in m.clips if name in reference.signals] for m in motions]
+    own_speeds = [_median([extremity_speed(s, part) for s in each]) or usual for each in made_of]
     last = slice(-round(0.3 * RATE), None)
     ends = [max(s.pelvis_height[last].mean(), s.head_height[last].mean()) for s in signals]
     return ActionFigures(
@@ -247,7 +250,7 @@ def measure_action(action: str, seeds: int, duration: float, reference: ClipRefe
         clips=len(clips),
         subjects=subjects,
         speed=speed,
-        speed_ratio=_over(speed, _median(_by_person(clips, [extremity_speed(s, part) for s in real]))),
+        speed_ratio=_median([_over(extremity_speed(s, part), own) for s, own in zip(signals, own_speeds, strict=True)]),
         slide=slide,
         slide_clips=_median([standing_slide(s) for s in real]),
         below=max((depth(s) for s in signals), default=0.0),
