@@ -24,7 +24,7 @@ VENV = ROOT / ".venv"
 CONSTRAINTS = ROOT / "constraints.txt"
 EXTRAS = {"setup": "people", "demo": "people", "test": "dev"}
 PROMPT = "a person doing jumping jacks"
-DEMO = ["--environment", "living_room", "--motion", "kinematic", "--radar", "awr1843", "--preset", "mmmesh"]
+DEMO = ["--environment", "living_room", "--radar", "awr1843", "--preset", "mmmesh"]
 DEMO += ["--duration", "3", "--seed", "0"]
 CHECKS = {
     "ruff": ["ruff", "check", "."],
