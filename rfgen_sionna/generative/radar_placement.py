@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger(__name__)
 NEAREST = 0.5
 """Least distance of a walker's pelvis from the radar [m]: the reach of swinging arms."""
-ROOM_BEFORE_RADAR = 1.0
-"""Least distance of a way from the radar where a prompt leaves the distance open [m]."""
 WALKING, SHORTEST_WALK_BACK = 0.3, 0.2
 """Lower bounds of the speed [m/s] and the duration [s] of a walk back: above swaying, below half a step."""
 
@@ -102,7 +100,7 @@ def _away(motion: Motion, place: tuple[float, float], yaw: float, radar: Radar |
 
 
 def distance_for_way(motion: Motion, turn: float, usual: float) -> float:
-    """The usual distance from the radar [m], or a larger one at which the way stays `ROOM_BEFORE_RADAR` away from it.
+    """The usual distance from the radar [m], or a larger one at which the way stays `NEAREST` away from it.
 
     Args:
         motion: a motion that faces the radar along +x.
@@ -112,8 +110,8 @@ def distance_for_way(motion: Motion, turn: float, usual: float) -> float:
     c, s = np.cos(turn), np.sin(turn)
     x, y = np.asarray(motion.translation)[:, :2].T
     towards, across = c * x - s * y, s * x + c * y
-    needed = towards + np.sqrt(np.maximum(ROOM_BEFORE_RADAR**2 - across**2, 0.0))
-    near = np.abs(across) < ROOM_BEFORE_RADAR
+    needed = towards + np.sqrt(np.maximum(NEAREST**2 - across**2, 0.0))
+    near = np.abs(across) < NEAREST
     return max(usual, float(np.ceil(10.0 * needed[near].max()) / 10.0) if near.any() else usual)
 
 
