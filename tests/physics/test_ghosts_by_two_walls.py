@@ -133,6 +133,7 @@ def test_the_range_window_is_of_the_whole_way(radar, reach, visible, monkeypatch
     assert all((each.num_paths > 0) == visible for each in across(paths).values())
 
 
+@pytest.mark.slow
 def test_a_radar_that_moves_sees_those_of_one_that_stands_there(radar, ball):
     """Walls are parts of a world that moves then, whose facets are chosen anew: to half a per cent."""
     goes = replace(radar, trajectory=lambda t: (0.5 * t, 0.0, 1.0))

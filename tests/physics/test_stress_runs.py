@@ -35,6 +35,7 @@ def quiet_log(caplog):
 # -- time -------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @settings(FEW, max_examples=8)
 @given(speed=st.floats(-300.0, 300.0), aside=st.floats(-50.0, 50.0))
 def test_velocities_up_to_300_metres_a_second(speed, aside):

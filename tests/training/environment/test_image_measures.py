@@ -90,6 +90,7 @@ def test_splits_and_halves_share_no_room(corpus: ViewCorpus) -> None:
     assert not set(layouts[parts.first]) & set(layouts[parts.second])
 
 
+@pytest.mark.slow
 def test_the_judge_tells_places_apart_and_an_examination_reports(corpus: ViewCorpus, model, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     classifier = train_classifier(corpus.images, corpus.places, corpus.views, steps=80, items=32)
     probabilities = classifier.classify(corpus.images, corpus.views)[1]
