@@ -30,7 +30,7 @@ from training.motion.action_table import PICTURE
 
 SHOWN = (
     "walk", "run", "walk_backwards", "sidestep", "crawl", "jump", "jumping_jacks", "kick", "punch", "throw",
-    "squat", "sit_down", "stand_up", "lie_down", "get_up", "fall", "pick_up", "cartwheel", "wave", "dance",
+    "squat", "sit_down", "stand_up", "lie_down", "get_up", "fall", "pick_up", "cartwheel", "sneak", "dance",
 )  # fmt: skip
 _DISTANCE = 3.0
 """Of the person from the radar in the mean [m]."""
