@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from rfgen_sionna.generative.manner import Manner
     from rfgen_sionna.generative.motion import ACTIONS, KinematicSource, MotionSource
     from rfgen_sionna.generative.motion_library import MotionLibrary
-    from rfgen_sionna.generative.performing import perform, performable
+    from rfgen_sionna.generative.performing import PerformingSource, perform, performable
     from rfgen_sionna.generative.prompts import parse_environment, read_prompt
 
 _HOME = {
     "DEFINED_ACTIONS": "action_definitions", "check": "action_definitions", "is_true_of": "action_definitions",
     "ACTIONS": "motion", "Actor": "actor", "KinematicSource": "motion", "MotionLibrary": "motion_library",
     "Manner": "manner", "MotionSource": "motion", "perform": "performing", "performable": "performing",
-    "Phenotype": "bodies", "parse_environment": "prompts", "read_prompt": "prompts",
+    "PerformingSource": "performing", "Phenotype": "bodies", "parse_environment": "prompts", "read_prompt": "prompts",
 }  # fmt: skip
 
 __all__ = [
@@ -33,6 +33,7 @@ __all__ = [
     "Manner",
     "MotionLibrary",
     "MotionSource",
+    "PerformingSource",
     "Phenotype",
     "check",
     "is_true_of",

@@ -225,7 +225,9 @@ def trials(
     own = replace(manner, arm_posture=None, hand=None if arms else manner.hand)
     refused: ValueError | None = None
     sources = performable()[action]
-    if (manner.amplitude is not None or manner.rate is not None) and action not in WAYS and "rules" in sources:
+    if strength == 0.0 and "clips" in sources and manner.lying is None:
+        sources = ("clips",)  # as it is, or not at all
+    elif (manner.amplitude is not None or manner.rate is not None) and action not in WAYS and "rules" in sources:
         sources = ("rules", *(each for each in sources if each != "rules"))  # they keep numbers
     elif manner.lying is not None:
         sources = ("rules",)  # clips are not sorted by it

@@ -61,8 +61,12 @@ def motion_decision(source: MotionSource, motion: Motion) -> Decision:
     name = {"KinematicSource": "kinematic", "DiffusionSource": "diffusion", "PerformingSource": "auto"}.get(
         type(source).__name__, "given"
     )
-    made = f"{name}, clips {', '.join(motion.clips)}" if motion.clips else f"{name}, rules" if name == "auto" else name
-    return Decision("motion", made, DEFAULT if name == "auto" else argument("source" if name == "given" else "motion"))
+    strength = getattr(source, "strength", None)
+    shown = name if strength is None else f"{name}, strength {strength:g}"
+    made = f", clips {', '.join(motion.clips)}" if motion.clips else ", rules" if name == "auto" else ""
+    usual = name == "auto" and strength is None
+    origin = DEFAULT if usual else argument("source" if name in ("given", "auto") else "motion")
+    return Decision("motion", shown + made, origin)
 
 
 def material_decision(material: str) -> Decision:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from rfgen_sionna.generative.decisions import DEFAULT
 from rfgen_sionna.generative.manner import Manner
 from rfgen_sionna.generative.motion import MEAN_ADULT, KinematicSource
 from rfgen_sionna.generative.motion_sources import check_source, motion_source, performed_motion
 from rfgen_sionna.generative.performing import PerformingSource
+from rfgen_sionna.generative.person_decisions import motion_decision
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.scene_prompt import ScenePrompt
 
@@ -51,3 +53,11 @@ def test_manner_and_arms_reach_the_source() -> None:
     way = motion.translation[-1] - motion.translation[0]
     assert abs(way[0]) / 4.0 == pytest.approx(0.8, rel=0.15)
     assert abs(way[1]) < 0.2
+
+
+def test_a_report_names_the_strength_of_a_source() -> None:
+    for strength, words in ((None, "auto, clips"), (0.0, "auto, strength 0, clips")):
+        source = PerformingSource(strength)
+        decision = motion_decision(source, source("squat", 2.0, 0))
+        assert decision.value.startswith(words)
+        assert (decision.origin == DEFAULT) == (strength is None)

@@ -96,6 +96,12 @@ def test_without_strength_a_clip_is_played_as_it_is() -> None:
     assert np.ptp(motion.translation[:, 2]) == pytest.approx(np.ptp(clip.translation[:, 2]), abs=0.2)
 
 
+def test_without_strength_a_clip_goes_before_rules() -> None:
+    """Waves have few clips and go by rules otherwise."""
+    assert not perform("wave", 2.0, 0).clips
+    assert perform("wave", 2.0, 0, strength=0.0).clips
+
+
 def test_with_strength_no_clip_is_copied() -> None:
     motion = perform("squat", 2.0, 3)
     clip = LIBRARY.motion(motion.clips[0])

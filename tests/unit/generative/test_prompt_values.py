@@ -88,8 +88,8 @@ def test_repetitions_a_minute_are_the_same_in_every_wording(rate: int) -> None:
 
 @quick
 @given(st.integers(10, 80), st.integers(1, 60), st.integers(0, 10_000))
-def test_a_range_is_drawn_from_within_by_the_seed(low: int, width: int, seed: int) -> None:
-    low, high = low / 10.0, (low + width) / 10.0  # type: ignore[assignment]
+def test_a_range_is_drawn_from_within_by_the_seed(first: int, width: int, seed: int) -> None:
+    low, high = first / 10.0, (first + width) / 10.0
     wordings = (
         f"at {low} to {high} m",
         f"at {low}-{high} m",
