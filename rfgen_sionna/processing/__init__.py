@@ -8,6 +8,7 @@ from rfgen_sionna.processing.demultiplex import demultiplex, select_profile, sel
 from rfgen_sionna.processing.detection import cfar, local_maxima, refine_peaks
 from rfgen_sionna.processing.displacement import Displacement, displacement
 from rfgen_sionna.processing.pointcloud import PointCloud, point_cloud
+from rfgen_sionna.processing.range_doppler_power import range_doppler_power
 from rfgen_sionna.processing.spectrogram import DopplerTime, RangeTime, doppler_time, micro_doppler, range_time
 from rfgen_sionna.processing.spectrum import (
     RangeDoppler,
@@ -41,6 +42,7 @@ __all__ = [
     "range_axis",
     "range_azimuth",
     "range_doppler",
+    "range_doppler_power",
     "range_spectrum",
     "range_time",
     "read_cfg_calibration",

@@ -50,18 +50,7 @@ def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> Sample
         raise TypeError(f"cube is a {type(cube).__name__}: its samples are needed (cube.data)")
     if not hasattr(radar, "waveform"):
         raise TypeError(f"radar is {radar!r}: a Radar is needed (Radar.load('awr1843'), or that of the capture)")
-    axes = "(frame, chirp, tx, rx, sample)" if frames else "(..., chirp, tx, rx, sample)"
-    if array.ndim < 4 or (frames and array.ndim != 5):
-        raise ValueError(f"cube has shape {array.shape}: the axes {axes} are needed")
-    wanted = {-3: ("tx", axis_lengths(radar)), -2: ("rx", (len(radar.rx_positions),))}
-    for axis, (name, lengths) in wanted.items():
-        if array.shape[axis] not in lengths:
-            raise ValueError(
-                f"cube has {array.shape[axis]} entries along '{name}' (shape {array.shape}, axes {axes}); "
-                f"radar '{radar.name}' with preset '{radar.preset}' has {lengths[0]}"
-            )
-    if 0 in array.shape:
-        raise ValueError(f"cube is empty: shape {array.shape}, axes {axes}")
+    check_shape(array.shape, radar, frames=frames)
     if radar.adc.real and array.dtype.kind != "f":
         raise ValueError(
             f"cube holds {array.dtype}: radar '{radar.name}' has a real ADC (adc.real), real floats are needed"
@@ -73,6 +62,22 @@ def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> Sample
     if not np.all(np.isfinite(array)):
         raise ValueError(f"cube holds {np.count_nonzero(~np.isfinite(array))} samples that are NaN or infinite")
     return array
+
+
+def check_shape(shape: tuple[int, ...], radar: Radar, *, frames: bool = False) -> None:
+    """ValueError unless `shape` is that of a cube for :func:`check_cube`."""
+    axes = "(frame, chirp, tx, rx, sample)" if frames else "(..., chirp, tx, rx, sample)"
+    if len(shape) < 4 or (frames and len(shape) != 5):
+        raise ValueError(f"cube has shape {shape}: the axes {axes} are needed")
+    wanted = {-3: ("tx", axis_lengths(radar)), -2: ("rx", (len(radar.rx_positions),))}
+    for axis, (name, lengths) in wanted.items():
+        if shape[axis] not in lengths:
+            raise ValueError(
+                f"cube has {shape[axis]} entries along '{name}' (shape {shape}, axes {axes}); "
+                f"radar '{radar.name}' with preset '{radar.preset}' has {lengths[0]}"
+            )
+    if 0 in shape:
+        raise ValueError(f"cube is empty: shape {shape}, axes {axes}")
 
 
 def range_axis(radar: Radar, bins: int | None = None) -> FloatArray:
