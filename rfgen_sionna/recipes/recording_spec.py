@@ -9,6 +9,8 @@ from typing import Any, Literal
 SourceKind = Literal["prompt", "clip", "joints", "mesh"]
 Point = tuple[float, float, float]
 
+DEFAULT_KEEP = ("adc", "body", "joints", "labels")
+"""What is kept of a recording by default."""
 FREE_SPACE = "free space"
 """Name of the place without surroundings."""
 
@@ -117,7 +119,7 @@ class RecordingSpec:
     """Rows and columns of stored images; None is the default."""
     fov_deg: float | None = None
     """Field of view of stored images [degrees]; None is the default."""
-    keep: tuple[str, ...] = ("adc", "body", "joints", "labels")
+    keep: tuple[str, ...] = DEFAULT_KEEP
     """What is kept."""
 
     @property
