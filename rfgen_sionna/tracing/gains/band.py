@@ -218,7 +218,7 @@ class BandTracer:
         wavenumber = 2 * np.pi * self.highest / SPEED_OF_LIGHT
         found = ShadowEdges.of(facets, owner, pieces, occluder, self._origin, wavenumber)
         towards = found.middle / np.maximum(lengths(found.middle), 1e-9)[:, None]
-        edge_curvature = curvature(facets)[found.owner]
+        edge_curvature = curvature(facets, found.owner)
         at_most, unknown, known = found.return_bounds(self._tx, self._rx, wavenumber, edge_curvature)
         counts = self.pattern_gain(towards)
         at_most, unknown = counts * at_most, counts * unknown

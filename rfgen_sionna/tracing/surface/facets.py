@@ -183,13 +183,14 @@ def sum_by_surface(values: ComplexArray, index: IntArray, count: int) -> Complex
     return np.stack([np.bincount(index, row.real, count) + 1j * np.bincount(index, row.imag, count) for row in values])
 
 
-def curvature(facets: Facets) -> FloatArray:
-    """(facet,) estimate of the largest curvature [1/m]: 8 h / L^2 for an edge of length L and sagitta h."""
+def curvature(facets: Facets, index: NDArray[np.intp]) -> FloatArray:
+    """(index,) estimate of the largest curvature [1/m] of facets: 8 h / L^2 for an edge of length L and sagitta h."""
     if facets.patch is None:
-        return np.zeros(len(facets))
-    edges = facets.corners[:, [1, 2, 0]] - facets.corners[:, [2, 0, 1]]
+        return np.zeros(len(index))
+    corners = np.take(facets.corners, index, axis=0)
+    edges = corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]]
     square = np.maximum(np.einsum("fei,fei->fe", edges, edges), 1e-18)
-    return max_component(8.0 * lengths(facets.patch.sagittas) / square)
+    return max_component(8.0 * lengths(np.take(facets.patch.sagittas, index, axis=0)) / square)
 
 
 def _own_grains(count: int) -> FloatArray:
