@@ -11,7 +11,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from rfgen_sionna.cli.console import draw, draw_run, out, picture_name, report_written
+from rfgen_sionna.cli.console import draw_run, out, progress, report_written
+from rfgen_sionna.cli.sources import (
+    Board,
+    Overwrite,
+    Partial,
+    RadarName,
+    RecordingNumber,
+    Source,
+    is_run,
+    of_captures_only,
+    one_radar,
+    open_source_capture,
+    opened_source,
+)
 
 if TYPE_CHECKING:
     from rfgen_sionna.dataset import Run
@@ -22,6 +35,10 @@ if TYPE_CHECKING:
 SHOW_EPILOG = """[bold]Examples[/bold]
 
 rfgen show jacks.h5 --overwrite
+
+rfgen show jacks.h5 --html jacks.html
+
+rfgen show out/ --recording 12 --html 12.html
 
 rfgen show recording/ --radar awr1843
 
@@ -38,22 +55,6 @@ rfgen export jacks.h5 --format dca1000 --output captures/ --scale=-20dBm
 rfgen export recording/ --radar awr1843 --format matlab --output recording.mat
 
 The words of a capture without a scale, as a board leaves it, stay what they are; --scale declares a scale for them."""
-_RUN_SUFFIXES, _HDF5 = (".h5", ".hdf5"), b"\x89HDF"
-_SOURCE = "A run (HDF5) of `rfgen generate`, or a capture: its folder, a data file or a configuration file."
-_RADAR = (
-    "Of a capture: its board, a radar of `rfgen radars` or the path of a radar file, TI's .cfg or a JSON; not needed "
-    "where a .rfgen or Infineon's config.json lies beside the data. Of a run of several radars: its name."
-)
-
-Source = Annotated[Path, typer.Argument(help=_SOURCE, show_default=False)]
-RadarName = Annotated[str | None, typer.Option(help=_RADAR, show_default=False)]
-Board = Annotated[
-    str | None, typer.Option(help="Board of a .cfg or JSON that names none, with --radar.", show_default=False)
-]
-Partial = Annotated[
-    bool, typer.Option("--partial", help="Read the whole frames of a capture that is truncated or contradicts itself.")
-]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")]
 
 
 def show(
@@ -61,21 +62,37 @@ def show(
     radar: RadarName = None,
     board: Board = None,
     pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation (GIF), too.")] = True,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            help="Page to write instead of pictures: the run in a browser, without a network.", show_default=False
+        ),
+    ] = None,
+    recording: RecordingNumber = None,
     partial: Partial = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Summarise a run or a capture, lost packets included, and draw its pictures."""
+    """Summarise a run, a recording of a data set or a capture, lost packets included, and draw its pictures."""
+    from rfgen_sionna.dataset import Run
     from rfgen_sionna.show import summary
 
-    if _is_run(source):
-        _of_captures_only(board=board is not None, partial=partial)
-        _show_run(source, radar, pictures, overwrite)
-        return
-    capture = _open(source, radar, board, partial)
-    out.print(escape(summary(capture)), soft_wrap=True)
-    if pictures:
-        name = source.resolve().name if source.is_dir() else source.name.split(".")[0]
-        draw_run(capture, Path(f"{name}.capture"), overwrite, keep=True)
+    with opened_source(source, radar, board, partial, recording) as whole:
+        chosen: dict[str, Run | Capture] = {"": whole}
+        if isinstance(whole, Run):
+            chosen = {name: whole[name] for name in whole.radars if radar in (None, name)}
+        several = isinstance(whole, Run) and len(whole.radars) > 1
+        if html is None:
+            for number, each in enumerate(chosen.values()):
+                out.print("\n" * (number > 0) + escape(summary(each)), soft_wrap=True)
+        if html is None and not pictures:
+            return
+        for name, each in chosen.items():
+            target = html or _pictures_of(source, recording)
+            target = target.with_stem(f"{target.stem}-{name.replace(' ', '-')}") if several else target
+            if html is None:
+                draw_run(each, target, overwrite, keep=True)
+            else:
+                _write_page(each, target, overwrite)
 
 
 def export(
@@ -103,14 +120,14 @@ def export(
 
     options = _scale(scale)
     # lazily: one frame at a time is read and written
-    if _is_run(source):
-        _of_captures_only(board=board is not None, partial=partial, skip_lost=skip_lost)
+    if is_run(source):
+        of_captures_only(board=board is not None, partial=partial, skip_lost=skip_lost)
         with open_run(source) as whole, out.status("exporting"):
-            run = _one_radar(whole, radar)
+            run = one_radar(whole, radar)
             cube = AdcCube(run.adc, run.radar, run.frame_times, run.seeds.get("noise"))
             report = write_capture(cube, output, format, overwrite=overwrite, **options)
     else:
-        capture = _open(source, radar, board, partial)
+        capture = open_source_capture(source, radar, board, partial)
         if capture.scale is None:  # the words stay what they are; a scale is declared for them
             scale_of_words = _scale_of_words(capture.radar, options)
             capture, options = replace(capture, scale=scale_of_words), {"scale": scale_of_words}
@@ -124,47 +141,21 @@ def export(
     out.print(f"{report.frames} frames, {units}{level}, {report.clipped} values clipped")
 
 
-def _show_run(source: Path, radar: str | None, pictures: bool, overwrite: bool) -> None:
-    """Show the run of the radar `radar`, or of all radars of a file."""
-    from rfgen_sionna.dataset import open_run
-    from rfgen_sionna.show import summary
-
-    if radar is None:
-        out.print(escape(summary(source)), soft_wrap=True)
-        if pictures:
-            draw(source, overwrite, keep=True)
-        return
-    with open_run(source) as whole:
-        run = _one_radar(whole, radar)
-        out.print(escape(summary(run)), soft_wrap=True)
-        if pictures:
-            draw_run(run, picture_name(source, whole, radar), overwrite, keep=True)
+def _pictures_of(source: Path, recording: int | None) -> Path:
+    """Name of the pictures, before their suffix: beside a run, in the current folder of what is read only."""
+    if recording is not None:
+        return Path(f"{source.resolve().name}-{recording:06d}")
+    if is_run(source):
+        return source
+    return Path(f"{source.resolve().name if source.is_dir() else source.name.split('.')[0]}.capture")
 
 
-def _of_captures_only(**given: bool) -> None:
-    """Refuse options that a run has no use for."""
-    for name, is_given in given.items():
-        if is_given:
-            raise ValueError(f"--{name.replace('_', '-')} is for captures; a run has its radar and all of its samples")
+def _write_page(run: Run | Capture, page: Path, overwrite: bool) -> None:
+    from rfgen_sionna.show import html_page
 
-
-def _is_run(source: Path) -> bool:
-    """Whether a path is that of a run, by its suffix or its first bytes."""
-    if source.suffix.lower() in _RUN_SUFFIXES or not source.is_file():
-        return source.suffix.lower() in _RUN_SUFFIXES
-    with source.open("rb") as stream:
-        return stream.read(len(_HDF5)) == _HDF5
-
-
-def _open(source: Path, radar: str | None, board: str | None, partial: bool) -> Capture:
-    from rfgen_sionna.radar import Radar
-    from rfgen_sionna.signal.formats import open_capture
-
-    if radar is None:
-        if board is not None:
-            raise ValueError(f"--board is {board!r} without --radar: name the .cfg or JSON of the board as --radar")
-        return open_capture(source, partial=partial)
-    return open_capture(source, radar=Radar.load(radar, board=board), partial=partial)
+    with progress("page") as step:
+        html_page(run, page, overwrite=overwrite, progress=step)
+    report_written(page)
 
 
 def _cube(capture: Capture, skip_lost: bool) -> AdcCube:
@@ -189,16 +180,6 @@ def _scale_of_words(radar: Radar, options: dict[str, Any]) -> float | None:
         amplitude = 10.0 ** ((options["full_scale_dbm"] - 30.0) / 20.0) * (math.sqrt(2.0) if radar.adc.real else 1.0)
         return float(amplitude / 2 ** (radar.adc.bits - 1))
     return options.get("scale")
-
-
-def _one_radar(run: Run, name: str | None) -> Run:
-    """Run of the radar `name`, or of the only one."""
-    if name is None and len(run.radars) == 1:
-        return next(iter(run.radars.values()))
-    if name is None or name not in run.radars:
-        given = "is not given" if name is None else f"is {name!r}"
-        raise ValueError(f"--radar {given}; '{run.path}' has {', '.join(map(repr, run.radars))}: name one of them")
-    return run[name]
 
 
 def _scale(text: str) -> dict[str, Any]:

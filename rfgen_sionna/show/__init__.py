@@ -1,8 +1,9 @@
-"""Pictures and a summary of a run: sheet, film, text."""
+"""Pictures, pages and a summary of a run: sheet, film, viewer's page, text."""
 
 from rfgen_sionna.show.film import animation
+from rfgen_sionna.show.html_page import html_page
 from rfgen_sionna.show.page import sheet
 from rfgen_sionna.show.run_summary import summary
 from rfgen_sionna.show.run_view import NoPictureError
 
-__all__ = ["NoPictureError", "animation", "sheet", "summary"]
+__all__ = ["NoPictureError", "animation", "html_page", "sheet", "summary"]

@@ -25,7 +25,7 @@ def draw_pir(figure: Figure, axes: Sequence[Axes], pir: Pir) -> None:
     there = pir.energy > 0
     energy = np.where(there, decibel(np.where(there, pir.energy, 1.0)), np.nan)
     low, high = level_limits(energy, 60.0, margin=15.0)
-    limit = _symmetric(pir.velocity[there])
+    limit = symmetric_limit(pir.velocity[there])
     pictures = (
         ("PIR energy", "|path gain|² [dB]", energy, LEVEL_MAP, low, high),
         ("PIR time of arrival", "round trip [ns]", pir.time_of_arrival * 1e9, DELAY_MAP, None, None),
@@ -130,7 +130,7 @@ def _truth(axes: Axes, run: Displayable, label: str) -> None:
     axes.legend(loc="upper right", fontsize=7, frameon=False, labelcolor="white")
 
 
-def _symmetric(velocity: FloatArray) -> float:
+def symmetric_limit(velocity: FloatArray) -> float:
     """Limit [m/s] of nearly all velocities, rounded up to 0.5."""
     finite = np.abs(velocity[np.isfinite(velocity)])
     largest = float(np.quantile(finite, 0.999)) if finite.size else 0.0

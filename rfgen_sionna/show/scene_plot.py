@@ -47,11 +47,14 @@ class DecimatedMesh:
             faces = np.unique(faces[distinct], axis=0)
         return cls(group, faces)
 
+    def points(self, vertices: NDArray[np.float32]) -> FloatArray:
+        """(cluster, 3) mean positions of the clusters [m] for the actor's `vertices`."""
+        count = np.bincount(self.group)
+        return np.stack([np.bincount(self.group, vertices[:, axis]) / count for axis in range(3)], axis=1)
+
     def corners(self, vertices: NDArray[np.float32]) -> FloatArray:
         """(face, 3, 3) corner positions [m] for the actor's `vertices`."""
-        count = np.bincount(self.group)
-        places = np.stack([np.bincount(self.group, vertices[:, axis]) / count for axis in range(3)], axis=1)
-        return np.asarray(places[self.faces])
+        return np.asarray(self.points(vertices)[self.faces])
 
 
 @dataclass(frozen=True)

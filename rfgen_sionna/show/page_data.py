@@ -1,0 +1,256 @@
+"""Contents of the viewer's page: texts and axes as JSON, arrays of bounded size as bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.processing.spectrum import decibel, watts_to_dbm
+from rfgen_sionna.show.actor_shapes import ActorShape, actor_shapes
+from rfgen_sionna.show.displayable import Displayable
+from rfgen_sionna.show.page import headline, velocity_limit
+from rfgen_sionna.show.panels import symmetric_limit
+from rfgen_sionna.show.run_summary import radar_line
+from rfgen_sionna.show.run_view import FrameView, RunView, display_range, view_frame, view_run
+from rfgen_sionna.show.style import DELAY_MAP, LEVEL_MAP, VELOCITY_MAP, level_limits
+
+Progress = Callable[[int, int], None]
+Arrays = dict[str, NDArray[Any]]
+
+MOST_FRAMES = 120
+"""Frames on a page; a longer run shows every k-th one."""
+MOST_PIXELS = 144
+"""Rows, and columns, of a picture on a page; cells beyond are joined to their maximum."""
+MOST_COLUMNS = 1024
+"""Columns of a picture over time, for all of a run."""
+MOST_LABEL_VALUES = 6
+"""Values of a label a frame that are shown as text."""
+CONVENTIONS = (
+    "World: metres, right-handed, z up. Radial velocity: positive is receding. Azimuth: positive is left; elevation: "
+    "positive is up, both in the radar's frame (x boresight, y left, z up)."
+)
+"""Axes and signs, as text for viewers."""
+
+
+@dataclass(frozen=True)
+class PageData:
+    """Contents of a page."""
+
+    header: dict[str, Any]
+    """Texts, axes, and the names of arrays, ready for JSON."""
+    arrays: Arrays
+    """Arrays by name: uint8 pictures, uint16 positions as fractions of the limits, float32 and uint16 lists."""
+
+
+def page_data(run: Displayable, report: str, progress: Progress | None = None) -> PageData:
+    """Contents of the page of a run: at most :data:`MOST_FRAMES` frames, evenly spaced."""
+    step = -(-len(run) // MOST_FRAMES)
+    frames = range(0, len(run), step)
+    views = []
+    for number, frame in enumerate(frames):
+        views.append(view_frame(run, frame, static=False))
+        if progress is not None:
+            progress(number + 1, len(frames))
+    whole, far = view_run(run), max(display_range(run, frame) for frame in (0, len(run) - 1))
+    shapes = actor_shapes(run)
+    low, high = _limits(run, shapes, frames)
+    header: dict[str, Any] = {
+        "title": headline(run),
+        "radar": radar_line(run),
+        "conventions": CONVENTIONS,
+        "report": report,
+        "frames": list(frames),
+        "all": len(run),
+        "times": run.frame_times[frames.start : frames.stop : step].tolist(),
+        "low": low.tolist(),
+        "high": high.tolist(),
+        "place": list(map(float, run.radar.position)),
+        "boresight": run.radar.rotation[:, 0].tolist(),
+        "radarName": run.radar.name,
+        "velocityMap": VELOCITY_MAP,
+        "colours": {name: _colours(name) for name in (LEVEL_MAP, DELAY_MAP, VELOCITY_MAP)},
+        "labels": _label_rows(run, frames),
+    }
+    arrays: Arrays = {}
+    header["start"] = int(np.searchsorted(frames, whole.most_active_frame, side="right")) - 1
+    header["actors"] = [_actor(shape, frames, low, high, arrays, f"actor{k}") for k, shape in enumerate(shapes)]
+    header["cloud"] = _cloud(views, arrays)
+    header["rangeDoppler"] = _range_doppler(views, far, arrays)
+    header["spectrograms"] = [_range_time(run, whole, far, arrays), _doppler_time(run, whole, arrays)]
+    header["pir"] = _pir(run, frames, arrays) if run.has_pir else []
+    return PageData(header, arrays)
+
+
+def _limits(run: Displayable, shapes: Sequence[ActorShape], frames: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Least and largest coordinates [m] of the radar and the actors, with a margin."""
+    places: list[NDArray[np.floating[Any]]] = [np.asarray(run.radar.position, np.float64)[None]]
+    places += [points for shape in shapes for frame in frames if len(points := shape.points(frame))]
+    if len(places) == 1:
+        reach = run.radar.max_range / 2
+        corners = reach * np.array([[1, y, z] for y in (-0.5, 0.5) for z in (-0.25, 0.25)])
+        places.append(places[0] + corners @ run.radar.rotation.T)
+    low = np.min([place.min(axis=0) for place in places], axis=0) - 0.3
+    high = np.max([place.max(axis=0) for place in places], axis=0) + 0.3
+    if shapes and abs(low[2] + 0.3) < 0.6:  # the floor is at 0
+        low[2] = min(0.0, low[2] + 0.3)
+    return low, high
+
+
+def _actor(
+    shape: ActorShape, frames: Sequence[int], low: FloatArray, high: FloatArray, arrays: Arrays, name: str
+) -> dict[str, Any]:
+    def fractions(points: Sequence[NDArray[np.float32]]) -> NDArray[np.uint16]:
+        return np.rint((np.stack(points) - low) / (high - low) * 65535).clip(0, 65535).astype(np.uint16)
+
+    arrays[f"{name}.mesh"] = fractions([shape.mesh(frame) for frame in frames])
+    arrays[f"{name}.joints"] = fractions([shape.joints(frame) for frame in frames])
+    arrays[f"{name}.faces"] = shape.faces.astype(np.uint16)
+    arrays[f"{name}.bones"] = shape.bones.astype(np.uint16)
+    return {"name": shape.name, "material": shape.material, "array": name}
+
+
+def _cloud(views: Sequence[FrameView], arrays: Arrays) -> dict[str, Any]:
+    clouds = [view.cloud for view in views]
+    rows = [np.column_stack([cloud.position, cloud.velocity, cloud.snr_db]) for cloud in clouds]
+    arrays["cloud"] = np.concatenate(rows).astype(np.float32)
+    starts = np.concatenate([[0], np.cumsum([len(cloud) for cloud in clouds])])
+    return {"starts": starts.tolist(), "speed": velocity_limit(np.concatenate([cloud.velocity for cloud in clouds]))}
+
+
+def _range_doppler(views: Sequence[FrameView], far: float, arrays: Arrays) -> dict[str, Any]:
+    rows = views[0].range <= far
+    level = np.stack([_reduced(view.range_doppler[rows]) for view in views])
+    low, high = level_limits(level)
+    arrays["rangeDoppler"] = _bytes(level[:, ::-1], low, high)
+    return {
+        "title": "Range–Doppler", "note": "static removed", "array": "rangeDoppler", "map": LEVEL_MAP,
+        "x": _span(views[0].velocity), "y": _span(views[0].range[rows]), "xLabel": "radial velocity [m/s]",
+        "yLabel": "range [m]", "limits": [low, high], "unit": views[0].unit,
+    }  # fmt: skip
+
+
+def _range_time(run: Displayable, whole: RunView, far: float, arrays: Arrays) -> dict[str, Any]:
+    spectrum = whole.range_time
+    near = spectrum.range <= far
+    picture = _over_time(spectrum.power[:, near], spectrum.time, whole, "rangeTime", arrays)
+    limits = {"y": _span(spectrum.range[near]), "yLabel": "range [m]", "line": _truth(run, "distance")}
+    return picture | limits | {"title": "Range–time", "note": "static removed"}
+
+
+def _doppler_time(run: Displayable, whole: RunView, arrays: Arrays) -> dict[str, Any]:
+    spectrum = whole.doppler_time
+    picture = _over_time(spectrum.power, spectrum.time, whole, "dopplerTime", arrays)
+    limits = {"y": _span(spectrum.velocity), "yLabel": "radial velocity [m/s]", "line": _truth(run, "radial_velocity")}
+    note = f"{'one spectrum a frame' if whole.per_frame else 'short-time transform'}, static removed"
+    return picture | limits | {"title": "Doppler–time", "note": note}
+
+
+def _over_time(
+    power: FloatArray, time: FloatArray, whole: RunView, name: str, arrays: dict[str, Any]
+) -> dict[str, Any]:
+    level = _reduced(watts_to_dbm(power.T), MOST_COLUMNS)
+    low, high = level_limits(level, 45.0)
+    arrays[name] = _bytes(level[None, ::-1], low, high)
+    return {
+        "array": name, "map": LEVEL_MAP, "x": _span(time, MOST_COLUMNS, alone=0.1), "xLabel": "time [s]",
+        "limits": [low, high], "unit": whole.unit,
+    }  # fmt: skip
+
+
+def _truth(run: Displayable, label: str) -> dict[str, Any] | None:
+    record = run.labels.get(label)
+    if record is None or record.values.ndim != 2 or record.values.dtype.kind != "f":
+        return None
+    values = [[None if not np.isfinite(x) else float(x) for x in row] for row in record.values.T]
+    return {"name": f"label: {label.replace('_', ' ')}", "times": run.mesh_times.tolist(), "values": values}
+
+
+def _pir(run: Displayable, frames: Sequence[int], arrays: Arrays) -> list[dict[str, Any]]:
+    images = [run.pir(frame) for frame in frames]
+    step = -(-max(images[0].energy.shape) // MOST_PIXELS)
+    energy, delay, speed = (
+        np.stack([getattr(image, name)[::step, ::step] for image in images])
+        for name in ("energy", "time_of_arrival", "velocity")
+    )
+    there = energy > 0
+    level = np.where(there, decibel(np.where(there, energy, 1.0)), np.nan)
+    fastest = symmetric_limit(speed[there])
+    finite = delay[np.isfinite(delay)] * 1e9
+    near, far = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    flat = images[0].projection == "perspective"
+    half = [float(np.tan(np.radians(fov / 2)) if flat else fov / 2) for fov in images[0].fov_deg]
+    found = []
+    for name, title, unit, image, colours, limits in (
+        ("energy", "PIR energy", "dB", level, LEVEL_MAP, level_limits(level, 60.0, margin=15.0)),
+        ("delay", "PIR time of arrival", "ns", delay * 1e9, DELAY_MAP, (near, max(far, near + 1e-3))),
+        ("speed", "PIR velocity", "m/s", np.where(there, speed, np.nan), VELOCITY_MAP, (-fastest, fastest)),
+    ):
+        arrays[f"pir.{name}"] = _bytes(image, *limits)
+        found.append(
+            {
+                "title": title, "array": f"pir.{name}", "map": colours, "x": [half[0], -half[0]],
+                "y": [-half[1], half[1]], "limits": list(map(float, limits)), "unit": unit, "tangent": flat,
+                "xLabel": "azimuth [°]", "yLabel": "elevation [°]", "square": True, "empty": True,
+            }
+        )  # fmt: skip
+    return found
+
+
+def _label_rows(run: Displayable, frames: Sequence[int]) -> list[dict[str, Any]]:
+    """Name, unit and text in each frame, of labels with few values."""
+    rows = []
+    for name, label in run.labels.items():
+        if len(label.values) != len(run) or int(np.prod(label.values.shape[1:])) > MOST_LABEL_VALUES * len(run.actors):
+            continue
+        for number, actor in enumerate(run.actors if label.dims[1:2] == ("actor",) else [""]):
+            values = label.values[:, number] if actor else label.values
+            texts = [_label_text(values[frame]) for frame in frames]
+            unit = "" if label.units in ("", "1") else label.units
+            rows.append({"name": name.replace("_", " "), "actor": actor, "unit": unit, "texts": texts})
+    return rows
+
+
+def _label_text(value: Any) -> str:
+    values = np.asarray(value)
+    if values.dtype.kind in "OUS":
+        return ", ".join(map(str, values.ravel()))
+    values = values.astype(np.float64).ravel()
+    if np.isnan(values).all():
+        return "–"
+    return ", ".join(
+        "–" if np.isnan(x) else f"{x + 0.0:.3g}".replace("-", "−") for x in values.astype(np.float64).ravel()
+    )
+
+
+def _reduced(level: FloatArray, most_columns: int = MOST_PIXELS) -> FloatArray:
+    """Picture of at most `MOST_PIXELS` rows and `most_columns`, each cell the maximum of those it joins."""
+    for axis, most in enumerate((MOST_PIXELS, most_columns)):
+        step = -(-level.shape[axis] // most)
+        level = np.maximum.reduceat(level, np.arange(0, level.shape[axis], step), axis=axis)
+    return level
+
+
+def _span(values: FloatArray, most: int = MOST_PIXELS, alone: float = 1.0) -> list[float]:
+    """First and last border of the cells of an axis after :func:`_reduced`; a single cell is `alone` wide."""
+    cell = float(np.mean(np.diff(values))) if len(values) > 1 else alone
+    step = -(-len(values) // most)
+    first = float(values[0]) - cell / 2
+    return [first, first + cell * step * -(-len(values) // step)]
+
+
+def _bytes(image: FloatArray, low: float, high: float) -> NDArray[np.uint8]:
+    """Levels as 0 … 254 between the limits; 255 where there is none."""
+    part = (image - low) / (high - low) * 254
+    return np.where(np.isnan(part), 255, np.nan_to_num(part, nan=0.0).clip(0, 254).round()).astype(np.uint8)
+
+
+def _colours(name: str) -> list[int]:
+    """(255 × 3) red, green and blue of a colour map, 0 … 255."""
+    table: NDArray[Any] = colormaps[name](np.linspace(0, 1, 255))
+    return [int(value) for value in (table[:, :3] * 255).round().ravel()]
