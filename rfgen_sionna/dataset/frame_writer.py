@@ -7,35 +7,52 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from rfgen_sionna.dataset.adc_words import encoded
 from rfgen_sionna.dataset.hdf5_layout import create_label, create_pir, create_run
-from rfgen_sionna.dataset.schema import PIR_CHANNELS, ActorInfo, RunInfo
+from rfgen_sionna.dataset.schema import PIR_CHANNELS, ActorInfo, RunInfo, StoredArray
+from rfgen_sionna.dataset.storage import PLAIN, Storage
+from rfgen_sionna.dataset.stored_arrays import add_array, append_array
 from rfgen_sionna.records import Pir
 
 
 class FrameWriter:
     """Writer of the frames of one radar into `group`, which is empty, or holds the first frames of the same run."""
 
-    def __init__(self, group: h5py.Group, info: RunInfo) -> None:
-        self.info = info
+    def __init__(self, group: h5py.Group, info: RunInfo, storage: Storage = PLAIN) -> None:
+        self.info, self.storage = info, storage
         self._group = group
         self._view: tuple[tuple[float, ...], str] | None = None
-        if "adc" not in group:
-            create_run(group, info)
+        if "frame" not in group:
+            create_run(group, info, storage)
         self.frames = int(group["frame"].shape[0])
         if "image" in group.get("pir", ()):
             self._view = (tuple(map(float, group["pir"].attrs["fov_deg"])), str(group["pir"].attrs["projection"]))
 
     @property
+    def group(self) -> h5py.Group:
+        """Group of the run in the open file."""
+        return self._opened
+
+    @property
     def full_scale(self) -> float | None:
         """Largest I or Q of the ADC in the frames so far [sqrt(W)]; None without frames or quantisation."""
-        value = self._opened["adc"].attrs.get("full_scale")
+        value = self._quantised.get("full_scale")
         return None if value is None else float(value)
+
+    @property
+    def _quantised(self) -> h5py.AttributeManager:
+        """Attributes on the ADC: those of the samples, or of their times where no samples are stored."""
+        return self._opened["adc" if "adc" in self._opened else "frame_time"].attrs
+
+    def add_array(self, path: str, values: ArrayLike, declared: StoredArray) -> None:
+        """Store an array that has no value for each frame; the arguments are those of `RunWriter.add_array`."""
+        add_array(self._opened, path, values, declared, self.storage)
 
     def append(
         self,
-        adc: ArrayLike,
+        adc: ArrayLike | None,
         *,
         time: float,
         pir: Pir | None = None,
@@ -45,18 +62,10 @@ class FrameWriter:
         mesh_time: float | None = None,
         full_scale: float | None = None,
         clipped: float = 0.0,
+        arrays: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         """Append a frame; the arguments are those of :meth:`rfgen_sionna.dataset.RunWriter.append`."""
         group = self._opened
-        samples, shape = np.asarray(adc), group["adc"].shape[1:]
-        kind, number = ("f", "real") if self.info.radar.adc.real else ("c", "complex")
-        if samples.shape != shape or samples.dtype.kind != kind:
-            raise ValueError(
-                f"adc is {samples.dtype} {samples.shape}; {number} {shape} (chirp, tx, rx, sample) is needed by the "
-                "radar"
-            )
-        if not np.all(np.isfinite(samples)):
-            raise ValueError(f"adc of frame {self.frames} holds NaN or infinite samples")
         if not np.isfinite(time):
             raise ValueError(f"time is {time!r}: seconds are needed")
         if self.frames and not time > group["frame_time"][self.frames - 1]:
@@ -68,25 +77,52 @@ class FrameWriter:
                 f"full_scale is {full_scale!r} and clipped {clipped!r}: full_scale of the frames before ({known!r}) "
                 "and a share in 0 … 1 are needed"
             )
-        rows: list[tuple[str, Any]] = [
-            ("adc", samples),
-            ("frame_time", time),
-            ("mesh_time", time if mesh_time is None else mesh_time),
-        ]
-        rows += self._geometry("vertices", vertices, [(a, a.num_vertices) for a in self.info.actors])
-        rows += self._geometry("joints", joints, [(a, len(a.joint_names)) for a in self.info.actors if a.joint_names])
-        rows += self._label_rows(labels)
+        samples = self._samples(adc, full_scale) if "adc" in group else None
+        rows: list[tuple[str, Any]] = [] if samples is None else [("adc", samples)]
+        rows += [("frame_time", time), ("mesh_time", time if mesh_time is None else mesh_time)]
+        if self.storage.stores("vertices"):
+            rows += self._geometry("vertices", vertices, [(a, a.num_vertices) for a in self.info.actors])
+        if self.storage.stores("joints"):
+            wanted = [(a, len(a.joint_names)) for a in self.info.actors if a.joint_names]
+            rows += self._geometry("joints", joints, wanted)
+        rows += self._label_rows(labels) if self.storage.stores("labels") else []
         rows += self._pir_rows(pir)
+        if set(arrays or {}) != set(self.info.arrays):
+            raise ValueError(f"arrays are {sorted(arrays or {})}; declared are {sorted(self.info.arrays)}")
+        for path, value in (arrays or {}).items():
+            append_array(group, path, value, self.info.arrays[path], self.frames, self.storage)
         # The frame's number comes last: a frame that was cut short is none.
-        for name, value in (*rows, ("frame", self.frames)):
+        for name, row in (*rows, ("frame", self.frames)):
             dataset = group[name]
             dataset.resize(self.frames + 1, axis=0)
-            dataset[self.frames] = value
+            dataset[self.frames] = row
         if full_scale is not None:
-            words = (1 if kind == "f" else 2) * samples.size
-            count = int(group["adc"].attrs.get("clipped", 0)) + round(words * clipped)
-            group["adc"].attrs.update({"full_scale": full_scale, "clipped": count})
+            words = (1 if self.info.radar.adc.real else 2) * int(np.prod(self.info.radar.frame_shape))
+            count = int(self._quantised.get("clipped", 0)) + round(words * clipped)
+            self._quantised.update({"full_scale": full_scale, "clipped": count})
         self.frames += 1
+
+    def _samples(self, adc: ArrayLike | None, full_scale: float | None) -> NDArray[Any]:
+        """Samples of the frame as they are stored."""
+        real, shape = self.info.radar.adc.real, self.info.radar.frame_shape
+        samples = np.asarray(adc)
+        if samples.shape != shape or samples.dtype.kind != ("f" if real else "c"):
+            raise ValueError(
+                f"adc is {samples.dtype} {samples.shape}; {'real' if real else 'complex'} {shape} (chirp, tx, rx, "
+                "sample) is needed by the radar"
+            )
+        if not np.all(np.isfinite(samples)):
+            raise ValueError(f"adc of frame {self.frames} holds NaN or infinite samples")
+        stored = self._opened["adc"]
+        if stored.dtype.kind != "i":
+            return samples
+        if full_scale is None:
+            raise ValueError("full_scale is None: the ADC's words need the full scale of the samples")
+        bits = int(stored.attrs["bits"])
+        step = full_scale / 2 ** (bits - 1)
+        words = encoded(samples, step, bits)
+        stored.attrs["scale_factor"] = step
+        return words
 
     def _geometry(
         self, kind: str, given: Mapping[str, ArrayLike] | None, wanted: Sequence[tuple[ActorInfo, int]]
@@ -130,7 +166,7 @@ class FrameWriter:
         if not exists:
             if self.frames:
                 raise ValueError(f"pir is given in frame {self.frames}; the frames before have none")
-            create_pir(self._opened, pir)
+            create_pir(self._opened, pir, self.storage)
             self._view = (tuple(pir.fov_deg), pir.projection)
         image = np.stack([getattr(pir, channel) for channel in PIR_CHANNELS]).astype(np.float32)
         if image.shape != self._opened["pir/image"].shape[1:] or self._view != (tuple(pir.fov_deg), pir.projection):

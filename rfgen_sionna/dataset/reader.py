@@ -5,61 +5,28 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._short_repr import ShortRepr, name_list, short_value, time_span
-from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna._types import FloatArray
+from rfgen_sionna.dataset.actor_record import ActorRecord, LabelRecord
+from rfgen_sionna.dataset.adc_words import AdcWords
 from rfgen_sionna.dataset.hdf5_layout import run_difference
-from rfgen_sionna.dataset.run_file import RunFile
-from rfgen_sionna.dataset.schema import PIR_CHANNELS, RunFormatError, RunInfo
+from rfgen_sionna.dataset.run_file import RunFile, json_names
+from rfgen_sionna.dataset.schema import PIR_CHANNELS, RunFormatError, RunInfo, StoredArray
+from rfgen_sionna.dataset.stored_arrays import array_declaration, array_values
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube, Pir
 
-
-@dataclass(frozen=True, repr=False)
-class ActorRecord(ShortRepr):
-    """Actor of a run."""
-
-    name: str
-    material: str
-    faces: IntArray
-    """(face, 3) vertex numbers."""
-    part_names: tuple[str, ...]
-    face_parts: IntArray
-    """(face,) index into `part_names`."""
-    joint_names: tuple[str, ...]
-    _file: RunFile
-    _radar_name: str
-
-    def vertices(self, frame: int) -> NDArray[np.floating[Any]]:
-        """(vertex, 3) world positions [m] in frame `frame`."""
-        return self._points("vertices", frame)
-
-    def joints(self, frame: int) -> NDArray[np.floating[Any]]:
-        """(joint, 3) world positions [m] in frame `frame`; (0, 3) where the actor has no skeleton."""
-        return self._points("joints", frame) if self.joint_names else np.empty((0, 3), np.float32)
-
-    def _points(self, kind: str, frame: int) -> NDArray[np.floating[Any]]:
-        return np.asarray(self._file.group(self._radar_name)[f"actors/{self.name}/{kind}"][frame])
-
-
-@dataclass(frozen=True, repr=False)
-class LabelRecord(ShortRepr):
-    """Label over all frames."""
-
-    values: NDArray[Any]
-    """(frame, ...) with the axes `dims`; texts as str objects."""
-    units: str
-    dims: tuple[str, ...]
-    description: str
+if TYPE_CHECKING:
+    from rfgen_sionna.dataset.representations import Representation
 
 
 class Run(ShortRepr):
@@ -73,7 +40,7 @@ class Run(ShortRepr):
         self._file, self._radar_name = file, radar_name
 
     def _facts(self) -> Iterable[str]:
-        yield repr(str(self.path))
+        yield f"'{self.path}{':' if self._file.inside else ''}{self._file.inside}'"
         if not self._file.is_open:
             yield "closed"
             return
@@ -138,12 +105,65 @@ class Run(ShortRepr):
 
     def __len__(self) -> int:
         """Number of frames."""
-        return int(self.adc.shape[0])
+        return int(self._opened["frame_time"].shape[0])
 
     @property
-    def adc(self) -> h5py.Dataset:
-        """(frame, chirp, tx, rx, sample) complex64, of a real ADC float32, on the disk [sqrt(W)]; a slice reads it."""
-        return self._opened["adc"]
+    def adc(self) -> h5py.Dataset | AdcWords:
+        """(frame, chirp, tx, rx, sample) complex64, of a real ADC float32, on the disk [sqrt(W)]; a slice reads it.
+
+        RunFormatError if the run has no samples.
+        """
+        stored = self.stored("adc")
+        if not isinstance(stored, h5py.Dataset):
+            raise RunFormatError(f"'{self.path}' holds no samples: write runs with keep 'adc'")
+        return AdcWords(stored, self._file) if stored.dtype.kind == "i" else stored
+
+    @property
+    def contents(self) -> tuple[str, ...]:
+        """Names of the parts that are stored (`keep`)."""
+        group = self._opened
+        if "contents" in group.attrs:
+            return tuple(json_names(self.path, group, "contents"))
+        found = ["adc", "labels", *(["pir"] if self.has_pir else [])]
+        return tuple(found + [kind for kind in ("vertices", "joints") if any(kind in each for each in self._actors)])
+
+    @property
+    def recording(self) -> dict[str, Any]:
+        """Specification of the recording in a data set; empty outside of one."""
+        text = self._file.root.attrs.get("recording")
+        return {} if text is None else _json_object(self.path, "recording", text)
+
+    def stored(self, path: str) -> h5py.Dataset | h5py.Group | None:
+        """Dataset or group at `path` in the run, on the disk; None if there is none."""
+        found: h5py.Dataset | h5py.Group | None = self._opened.get(path)
+        return found
+
+    @property
+    def arrays(self) -> Mapping[str, StoredArray]:
+        """Further arrays of the run by their paths, such as "representations/drai/power"."""
+        group = self._opened
+        paths = json_names(self.path, group, "arrays")
+        return {path: array_declaration(group, path) for path in paths if path in group}
+
+    def array(self, path: str, frames: int | slice = slice(None)) -> NDArray[Any] | list[NDArray[Any]]:
+        """Values of one of the :attr:`arrays`, for `frames` if it has frames; of a ragged one a list of arrays."""
+        if path not in self._opened:
+            raise RunFormatError(
+                f"'{self.path}' holds no array '{path}'; it has {name_list(self.arrays, 10) or 'none'}"
+            )
+        return array_values(self._opened, path, frames)
+
+    def representation(self, name: str, frames: slice = slice(None)) -> Representation:
+        """Representation of `frames`, "range_doppler", "drai", "micro_doppler" or "point_cloud": the stored one, or
+        that of the stored samples (:func:`rfgen_sionna.dataset.representations.representation`)."""
+        from rfgen_sionna.dataset.representations import representation
+
+        return representation(self, name, frames)
+
+    @property
+    def has_paths(self) -> bool:
+        """Whether the run has the traced paths of its frames."""
+        return "paths" in self._opened
 
     def cube(self, frames: slice = slice(None)) -> AdcCube:
         """Samples of `frames`, in memory, with the radar and the frames' times."""
@@ -152,7 +172,7 @@ class Run(ShortRepr):
     @cached_property
     def radar(self) -> Radar:
         """The radar of the run."""
-        return Radar.from_dict(self._json("radar"))
+        return _radar(str(self._opened.attrs["radar"]), self.path)
 
     @cached_property
     def frame_times(self) -> FloatArray:
@@ -182,13 +202,17 @@ class Run(ShortRepr):
     @property
     def full_scale(self) -> float | None:
         """Largest I or Q of the ADC [sqrt(W)]; None if the samples are not quantised or the file has no value."""
-        value = self.adc.attrs.get("full_scale")
+        value = self._quantised.get("full_scale")
         return None if value is None else float(value)
 
     @property
     def clipped(self) -> int:
         """Number of I and Q values, of `2 adc.size` (of a real ADC `adc.size`), beyond the ADC's range."""
-        return int(self.adc.attrs.get("clipped", 0))
+        return int(self._quantised.get("clipped", 0))
+
+    @property
+    def _quantised(self) -> h5py.AttributeManager:
+        return self._opened["adc" if "adc" in self._opened else "frame_time"].attrs
 
     @property
     def report(self) -> str:
@@ -248,22 +272,22 @@ class Run(ShortRepr):
         """Actors by name, in the order of the "actor" axis of labels."""
         names = self._opened["actor"].asstr()[:] if "actor" in self._opened else ()
         found = {}
-        for name in names:
+        for name in map(str, names):
             group = self._opened[f"actors/{name}"]
-            found[str(name)] = ActorRecord(
-                name=str(name), material=str(group.attrs["material"]), faces=group["faces"][:],
-                part_names=tuple(group["part"].asstr()[:]), face_parts=group["face_part"][:],
-                joint_names=tuple(group["joint"].asstr()[:]) if "joint" in group else (), _file=self._file,
-                _radar_name=self._radar_name,
-            )  # fmt: skip
+            joints = tuple(group["joint"].asstr()[:]) if "joints" in group else ()
+            found[name] = ActorRecord(name, str(group.attrs["material"]), joints, self._file, self._radar_name)
         return found
+
+    @property
+    def _actors(self) -> list[h5py.Group]:
+        return list(self._opened["actors"].values())
 
     @cached_property
     def labels(self) -> Mapping[str, LabelRecord]:
         """Labels by name, with their values over all frames."""
         found = {}
         for name, dataset in self._opened["labels"].items():
-            if dataset.is_scale:
+            if not isinstance(dataset, h5py.Dataset) or dataset.is_scale:
                 continue
             text = h5py.check_string_dtype(dataset.dtype) is not None
             found[name] = LabelRecord(
@@ -280,10 +304,20 @@ class Run(ShortRepr):
         return self._file.group(self._radar_name)
 
     def _json(self, name: str) -> dict[str, Any]:
-        try:
-            return dict(json.loads(self._opened.attrs[name]))
-        except (ValueError, TypeError) as error:
-            raise RunFormatError(f"{self.path}: attribute '{name}' is not a JSON object ({error})") from error
+        return _json_object(self.path, name, self._opened.attrs[name])
+
+
+def _json_object(path: Path, name: str, text: Any) -> dict[str, Any]:
+    try:
+        return dict(json.loads(text))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise RunFormatError(f"{path}: attribute '{name}' is not a JSON object ({error})") from error
+
+
+@lru_cache(maxsize=64)
+def _radar(text: str, path: Path) -> Radar:
+    """The radar of a record; recordings of a set share one object."""
+    return Radar.from_dict(_json_object(path, "radar", text))
 
 
 def open_run(path: str | os.PathLike[str]) -> Run:

@@ -13,9 +13,15 @@ compound (r, i) of h5py and NumPy::
     /actors/NAME/   vertices (frame, vertex, axis) [m], faces, face_part, joints (frame, joint, axis) [m]; float32, or
                     float64 for a radar more than 1 km from the origin
     /labels/NAME    (frame, ...) as declared, with units
+    /...            further arrays (:class:`StoredArray`), such as /representations/drai/power
+
+Recordings of data sets have quantised samples as the ADC's words, int16 (frame, chirp, tx, rx, sample, iq), real ones
+without iq: times the attribute scale_factor they are those samples, bit for bit. What a run need not have (samples,
+vertices, joints, labels, images) is absent where its attribute contents (JSON) does not name it.
 
 Attributes of the file: prompt, its interpretation (report), environment, radar (JSON), seeds, settings and versions
-(JSON). A file of several radars has one group of this layout for each, /radars/NAME.
+(JSON); in a data set recording, its specification (JSON). A file of several radars has one group of this layout for
+each, /radars/NAME. A shard of a data set has the layout of a run file in each group /recordings/NUMBER.
 
     >>> import xarray                                                           # doctest: +SKIP
     >>> run = xarray.open_dataset("jacks.h5", engine="h5netcdf")                # doctest: +SKIP
@@ -26,12 +32,13 @@ Attributes of the file: prompt, its interpretation (report), environment, radar 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import IntArray
@@ -46,6 +53,10 @@ RADARS = "radars"
 name lists them (JSON)."""
 PIR_CHANNELS: dict[str, str] = {"energy": "1", "time_of_arrival": "s", "velocity": "m s-1"}
 """Channels of a PIR image in the order of the file -> unit; energy is |path gain|²."""
+RECORDINGS = "recordings"
+"""Group, in a shard of a data set, with the run of each recording as a group with its number as the name."""
+SHARD_FORMAT = "rfgen-shard"
+"""Attribute `format` of a shard."""
 AXES = ("x", "y", "z")
 SOFTWARE = (
     "rfgen_sionna", "sionna-rt", "mitsuba", "drjit", "numpy", "scipy", "finufft", "trimesh", "anny", "torch", "h5py",
@@ -99,6 +110,53 @@ STANDARD_LABELS: dict[str, Label] = {
     "chest_displacement": Label("m", ("actor",), "displacement of the chest over the heart, outwards; NaN likewise"),
 }
 """Labels that this package writes."""
+
+
+@dataclass(frozen=True)
+class StoredAxis:
+    """Values of an axis of a :class:`StoredArray`."""
+
+    values: Sequence[Any] | NDArray[Any]
+    """One value for each entry; texts for names."""
+    units: str = "1"
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class StoredArray:
+    """Declaration of an array of a run beside those of the layout; its path in the file is a key of its own.
+
+    Raises
+    ------
+    ValueError
+        If axes repeat, or one with values is not among them.
+    """
+
+    dims: tuple[str, ...]
+    """Axes; those of one frame, without "frame", of arrays with rows for each frame (`RunInfo.arrays`)."""
+    units: str = "1"
+    description: str = ""
+    dtype: str = "float32"
+    axes: Mapping[str, StoredAxis] = field(default_factory=dict)
+    """Values of axes that the run does not have; an axis without values counts from 0."""
+    ragged: bool = False
+    """Whether the length of the first axis differs from frame to frame, as of point clouds."""
+
+    def __post_init__(self) -> None:
+        if len(set(self.dims)) != len(self.dims) or (self.ragged and not self.dims):
+            raise ValueError(f"array.dims is {self.dims!r}: different names are needed, of a ragged array at least one")
+        if unknown := set(self.axes) - set(self.dims):
+            raise ValueError(f"array.axes has {sorted(unknown)}; dims are {self.dims!r}")
+
+
+def check_array_path(path: str) -> None:
+    """ValueError unless `path` is that of a group and an array in it, and no array of the layout."""
+    parts = path.split("/") if isinstance(path, str) else []
+    fixed = len(parts) > 1 and (parts[0] in ("labels", "pir") or (parts[0] == "actors" and len(parts) < 4))
+    if len(parts) < 2 or fixed or not all(parts) or {".", ".."} & set(parts):
+        raise ValueError(
+            f"array path is {path!r}: 'representations/NAME' or 'actors/NAME/GROUP/NAME', or one like them, is needed"
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -168,6 +226,10 @@ class RunInfo:
     settings: Mapping[str, Any] = field(default_factory=dict)
     """Settings of the simulation, ready for JSON, such as {"rtol": 0.01}; a resumed run has the same ones."""
     software: Mapping[str, str] = field(default_factory=software_versions)
+    arrays: Mapping[str, StoredArray] = field(default_factory=dict)
+    """Further arrays with a value for each frame, by their paths in the file: "representations/drai/power"."""
+    recording: Mapping[str, Any] | None = None
+    """Specification of the recording in a data set, ready for JSON."""
 
     def __post_init__(self) -> None:
         names = [actor.name for actor in self.actors]
@@ -178,6 +240,8 @@ class RunInfo:
                 raise ValueError(f"label {name!r}: a name without '/' that is no axis is needed")
             if "frame" in label.dims or len(set(label.dims)) != len(label.dims):
                 raise ValueError(f"label '{name}' has dims {label.dims}: different names, without 'frame', are needed")
+        for path in self.arrays:
+            check_array_path(path)
         for name, seed in self.seeds.items():
             if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer)):
                 raise TypeError(f"seeds['{name}'] is {seed!r}: a whole number or None is needed")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna.dataset.frame_writer import FrameWriter
 from rfgen_sionna.dataset.hdf5_layout import create_radars, run_difference
-from rfgen_sionna.dataset.schema import RADARS, RunInfo
+from rfgen_sionna.dataset.schema import RADARS, RunInfo, StoredArray
+from rfgen_sionna.dataset.storage import Storage
 from rfgen_sionna.records import Pir
 
 
@@ -82,6 +83,16 @@ class RunWriter:
     resume
         Whether a block that raises keeps its whole frames in `.NAME.partial` beside the output, and a later writer with
         the same `info` goes on after them.
+    keep
+        Parts that are stored, of "adc", "vertices" (with faces), "joints" and "labels"; None stores all. Names beside
+        them are noted in the file, for arrays that `info` declares.
+    words
+        Whether samples that the receiver quantised to 16 bits or fewer are stored as int16 words: half the size, and
+        the same samples when read.
+    compressed
+        Whether arrays are compressed without loss; other programs read them with hdf5plugin.
+    dated
+        Whether the file has the time of its creation; without it, equal runs are equal files.
 
     Raises
     ------
@@ -96,9 +107,14 @@ class RunWriter:
         *,
         overwrite: bool = False,
         resume: bool = False,
+        keep: Collection[str] | None = None,
+        words: bool = False,
+        compressed: bool = False,
+        dated: bool = True,
     ) -> None:
         self.path = check_run_output(path, overwrite)
         self.info = info
+        self.storage = Storage(None if keep is None else frozenset(keep), words, compressed, dated)
         self._overwrite, self._resume = overwrite, resume
         self._partial = self.path.parent / f".{self.path.name}.partial{'' if resume else f'-{os.getpid()}'}"
         self._file: h5py.File | None = None
@@ -107,7 +123,7 @@ class RunWriter:
     def __enter__(self) -> RunWriter:
         continued = self._resume and self._partial.exists()
         try:
-            self._file = h5py.File(self._partial, "r+" if continued else "w", libver=("earliest", "v110"))
+            self._file = h5py.File(self._partial, "r+" if continued else "w", libver=self.storage.libver)
         except OSError as error:
             raise OutputError(
                 f"output '{self.path}': its frames in '{self._partial}' cannot be opened ({error}); another process "
@@ -117,11 +133,11 @@ class RunWriter:
             if continued:
                 self._check_same(self._file)
             elif isinstance(self.info, Mapping):
-                create_radars(self._file, self.info)
+                create_radars(self._file, self.info, self.storage)
             named = self.info.items() if isinstance(self.info, Mapping) else [("", self.info)]
             for name, info in named:
                 group = self._file.require_group(f"{RADARS}/{name}") if name else self._file
-                self._writers[name] = FrameWriter(group, info)
+                self._writers[name] = FrameWriter(group, info, self.storage)
         except BaseException:
             self._file.close()
             self._file = None
@@ -167,9 +183,30 @@ class RunWriter:
         """Number of frames in the file."""
         return sum(writer.frames for writer in self._writers.values())
 
+    def add_array(self, path: str, values: ArrayLike, declared: StoredArray, *, radar: str = "") -> None:
+        """Store an array that has no value for each frame, at any time before the end of the block.
+
+        Parameters
+        ----------
+        path
+            Path in the file, such as "actors/person/body/shape".
+        values
+            Numbers with the axes `declared.dims`.
+        declared
+            Axes, unit and meaning.
+        radar
+            Name of the radar, in a file of several.
+
+        Raises
+        ------
+        ValueError
+            If the array has other axes than declared, or the path is taken.
+        """
+        self.radar(radar).add_array(path, values, declared)
+
     def append(
         self,
-        adc: ArrayLike,
+        adc: ArrayLike | None,
         *,
         time: float,
         pir: Pir | None = None,
@@ -179,6 +216,7 @@ class RunWriter:
         mesh_time: float | None = None,
         full_scale: float | None = None,
         clipped: float = 0.0,
+        arrays: Mapping[str, ArrayLike] | None = None,
         radar: str = "",
     ) -> None:
         """Append a frame.
@@ -186,7 +224,7 @@ class RunWriter:
         Parameters
         ----------
         adc
-            (chirp, tx, rx, sample) samples, real for a radar with a real ADC, else complex.
+            (chirp, tx, rx, sample) samples, real for a radar with a real ADC, else complex; None where none are stored.
         time
             Start of the frame's first ramp [s].
         pir
@@ -201,6 +239,8 @@ class RunWriter:
             Largest I or Q of the ADC [sqrt(W)], the same for all frames; None for samples without quantisation.
         clipped
             Share of the frame's I and Q values beyond full scale.
+        arrays
+            A value for each array that `info` declares.
         radar
             Name of the radar, in a file of several.
 
@@ -211,7 +251,7 @@ class RunWriter:
         """
         self.radar(radar).append(
             adc, time=time, pir=pir, vertices=vertices, joints=joints, labels=labels, mesh_time=mesh_time,
-            full_scale=full_scale, clipped=clipped,
+            full_scale=full_scale, clipped=clipped, arrays=arrays,
         )  # fmt: skip
         if self._resume:
             self._opened.flush()

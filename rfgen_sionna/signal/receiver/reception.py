@@ -167,7 +167,7 @@ def convert(
     out, beyond = np.empty_like(samples), 0
     parts = [(samples, out)] if adc.real else [(samples.real, out.real), (samples.imag, out.imag)]
     for part, target in parts:
-        words = np.rint(part / lsb)
+        words = np.rint(part / lsb) + 0.0  # words have no negative zero
         beyond += int(np.count_nonzero((words < -half) | (words > half - 1)))
         target[...] = np.clip(words, -half, half - 1) * lsb
     return ReceivedFrame(out, adc, full_scale, beyond / max(len(parts) * samples.size, 1))
