@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rfgen_sionna.recipes.recipe import Recipe
     from rfgen_sionna.recipes.recipe_error import RecipeError
     from rfgen_sionna.recipes.recording_spec import BodySpec, RadarSpec, RecordingSpec, SourceSpec
 

@@ -1,4 +1,4 @@
-"""The text of a recipe as checked tables; every fault of the text is a :class:`RecipeError` with the path of its key."""
+"""The text of a recipe as checked tables; a fault is a :class:`RecipeError` with the path of its key."""
 
 from __future__ import annotations
 
@@ -48,19 +48,28 @@ def read_tables(text: str) -> RecipeTables:
         faults = list(dict.fromkeys(_faults(error, tables)))
     except (OverflowError, RecursionError) as error:
         raise RecipeError(f"recipe holds a number or nesting out of bounds: {error}") from None
+    raise_faults(faults)
+    raise RecipeError("recipe is at fault")
+
+
+def raise_faults(faults: Sequence[str]) -> None:
+    """One RecipeError of all faults, of the first `MAX_FAULTS` if there are more; none without any."""
     more = [f"… and {len(faults) - MAX_FAULTS} more"] if len(faults) > MAX_FAULTS else []
-    raise RecipeError("\n".join(faults[:MAX_FAULTS] + more))
+    if faults:
+        raise RecipeError("\n".join([*faults[:MAX_FAULTS], *more]))
 
 
 def key_path(place: Sequence[str | int], tables: Any) -> str:
     """Path of a key as `tables` have it, `radars[1].preset`, of a path of pydantic, which has names of types, too."""
-    text, value = "", tables
+    text, value, tagged = "", tables, False
     for part in place:
-        if isinstance(part, int):
+        if part in TAGS and not tagged:
+            tagged = True
+        elif isinstance(part, int):
             if isinstance(value, list) and part < len(value):
                 text, value = f"{text}[{part}]", value[part]
-        elif isinstance(value, Mapping) and (part in value or part in RecipeTables.model_fields):
-            text, value = (f"{text}.{part}" if text else part), value.get(part)
+        elif isinstance(value, Mapping) and part in value:
+            text, value = (f"{text}.{part}" if text else part), value[part]
     return text
 
 
@@ -83,7 +92,9 @@ def _faults(error: ValidationError, tables: Any) -> Iterator[str]:
         place, kind = tuple(fault["loc"]), fault["type"]
         path, given = key_path(place, tables), short_value(fault["input"])
         if kind == "extra_forbidden":
-            yield f"{path}: there is no such key{_near(str(place[-1]), _known_keys(place[:-1]))}"
+            name = str(place[-1])
+            above = key_path(place[:-1], tables)
+            yield f"{above}{'.' if above else ''}{name}: there is no such key{_near(name, _known_keys(place[:-1]))}"
         elif "scalar" in place and isinstance(fault["input"], Mapping) and fault["input"]:
             yield f"{path}.{next(iter(fault['input']))}: there is no such key{_near(next(iter(fault['input'])), FORMS)}"
         elif kind == "missing":

@@ -45,8 +45,7 @@ class ValueForm(Generic[T]):
         """A value; `cell` is the index in a grid."""
         if self.kind == "range":
             low, high = (np.asarray(value, np.float64) for value in self.values)
-            drawn = rng.uniform(low, high)
-            return drawn.tolist()
+            return np.asarray(rng.uniform(low, high)).tolist()
         return self.values[self.draw_index(rng, cell)]
 
     def draw_index(self, rng: np.random.Generator, cell: int = 0) -> int:

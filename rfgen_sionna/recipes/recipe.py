@@ -1,0 +1,341 @@
+"""A data set described once: what its recordings are drawn from, checked whole before anything runs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._short_repr import ShortRepr
+from rfgen_sionna.recipes.partitions import WHOLE_SET, assigned, derived_seed, stream
+from rfgen_sionna.recipes.recipe_checks import check_recipe
+from rfgen_sionna.recipes.recipe_error import RecipeError, faults_of
+from rfgen_sionna.recipes.recipe_places import Place, prompted_place, read_place
+from rfgen_sionna.recipes.recipe_sources import Source, check_file, read_source, source_tables
+from rfgen_sionna.recipes.recipe_tables import MAX_COUNT, RecipeTables
+from rfgen_sionna.recipes.recipe_text import MAX_BYTES, raise_faults, read_tables
+from rfgen_sionna.recipes.recording_sizes import recording_bytes
+from rfgen_sionna.recipes.recording_spec import FREE_SPACE, BodySpec, RecordingSpec
+from rfgen_sionna.recipes.set_radars import SetRadar, set_radars
+from rfgen_sionna.recipes.split_pools import SplitPools, split_pools
+from rfgen_sionna.recipes.value_forms import ValueForm
+
+DRAWN = ("people", "distance_m", "azimuth_deg", "orientation_deg", "duration_s")
+"""Keys whose values are drawn for each recording, in the order of their grids after prompts and places."""
+_KEPT_ON_RETRY = ("people", "duration_s")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recipe(ShortRepr):
+    """A checked recipe; :meth:`load` and :meth:`parse` make one.
+
+    All that is drawn derives from the recipe's seed and a recording's number, so that neither order nor number of
+    workers changes a recording.
+    """
+
+    text: str
+    """The TOML text."""
+    tables: RecipeTables
+    """Its tables, with defaults."""
+    sources: tuple[Source, ...]
+    """Alternatives of what moves."""
+    places: tuple[Place, ...]
+    """Alternatives of surroundings."""
+    radars: tuple[SetRadar, ...]
+    """Radars of every recording."""
+    receivers: ValueForm[Mapping[str, Any] | None]
+    """Impairments of the receivers; None is thermal noise and the radar's own ADC."""
+
+    @classmethod
+    def load(cls, path: str | PathLike[str], *, check: bool = True) -> Recipe:
+        """The recipe of a file; paths in it are relative to its folder.
+
+        Raises:
+            RecipeError: as :meth:`parse`, or there is no such file.
+        """
+        file = Path(path)
+        try:
+            if file.is_file() and file.stat().st_size > MAX_BYTES:
+                raise RecipeError(f"recipe '{file}' has {file.stat().st_size} bytes; allowed are {MAX_BYTES}")
+            text = file.read_text(encoding="utf-8")
+        except OSError as error:
+            raise RecipeError(f"recipe '{file}' cannot be read: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise RecipeError(f"recipe '{file}' is no text in UTF-8") from None
+        return cls.parse(text, file.resolve().parent, check=check)
+
+    @classmethod
+    def parse(cls, text: str, folder: str | PathLike[str] | None = None, *, check: bool = True) -> Recipe:
+        """The recipe of a text.
+
+        Args:
+            text: TOML, with the keys of :class:`~rfgen_sionna.recipes.recipe_tables.RecipeTables`.
+            folder: folder of relative paths; without one they are refused.
+            check: whether radars, receivers, files, distances and places are checked; False is for a text that was.
+
+        Raises:
+            RecipeError: the recipe cannot be made; the message names the key, its value and what is allowed.
+        """
+        tables = read_tables(text)
+
+        def located(name: str) -> Path:
+            file = Path(name).expanduser()
+            if not file.is_absolute():
+                if folder is None:
+                    raise RecipeError(
+                        f"'{name}' is a relative path, and the recipe has no folder; give an absolute one"
+                    )
+                file = Path(folder).resolve() / file
+            return file
+
+        longest = max(tables.duration_s.values)
+        sources, faults = [], []
+        for key, table in source_tables(tables):
+            try:
+                with faults_of(key):
+                    sources.append(read_source(table, located, tables.motion, longest))
+            except RecipeError as error:
+                faults.append(str(error))
+        raise_faults(faults)
+        if not sources:
+            raise RecipeError('prompts is missing: what moves, such as prompts = ["a person waves"], is needed')
+        places = _places(tables, sources, located)
+        with faults_of("receiver"):
+            receivers = _receivers(tables, located)
+        recipe = cls(text, tables, tuple(sources), places, set_radars(tables, located), receivers)
+        _ = recipe.count, recipe._pools, recipe.recordings_per_shard
+        if check:
+            check_recipe(recipe)
+        return recipe
+
+    @cached_property
+    def count(self) -> int:
+        """Number of recordings."""
+        if self.tables.count is not None:
+            return self.tables.count
+        cells = max(int(np.prod([size for _, size in self._grids(name)], dtype=np.float64)) for name in self._pools)
+        if cells < 2:
+            raise RecipeError("count is missing: the number of recordings, such as count = 100, is needed")
+        if cells * len(self._pools) > MAX_COUNT:
+            raise RecipeError(f"the grids have {cells} cells; allowed are {MAX_COUNT}: give a count")
+        return cells * len(self._pools)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the contents: of all keys but title and description, and of all files."""
+        contents = self.tables.model_dump(exclude={"title", "description", "licence"}, warnings=False)
+        found = hashlib.sha256(json.dumps(contents, sort_keys=True, default=_plain).encode())
+        for source in self.sources:
+            for file in _files(source.spec.file):
+                with file.open("rb") as stored:
+                    found.update(hashlib.file_digest(stored, "sha256").digest())
+        return found.hexdigest()
+
+    @cached_property
+    def recordings_per_shard(self) -> int:
+        """Number of recordings of a shard, by the recipe alone."""
+        return max(1, int(self.tables.shard_size // recording_bytes(self)))
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """Names of the splits; "all" without any."""
+        return tuple(self._pools)
+
+    @cached_property
+    def _pools(self) -> dict[str, SplitPools]:
+        return split_pools(self.tables, self.sources, self.places)
+
+    @cached_property
+    def _assigned(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        shares = {WHOLE_SET: 1.0} if self.tables.splits is None else self.tables.splits.shares
+        return assigned(self.count, shares, stream(self.tables.seed, "splits"))
+
+    def layout_seed(self, place: str, number: int) -> int:
+        """Seed of a layout of a pool."""
+        return derived_seed(self.tables.seed, "layout", place, number)
+
+    def split_of(self, number: int) -> str:
+        """Name of the split of a recording."""
+        return self.splits[int(self._assigned[0][number])]
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __iter__(self) -> Iterator[RecordingSpec]:
+        return map(self.recording, range(self.count))
+
+    def recording(self, number: int, attempt: int = 0) -> RecordingSpec:
+        """What a recording is made of.
+
+        Args:
+            number: its number, from 0.
+            attempt: number of draws before this one that could not be made. Split, sources, kind of place, duration
+                and all grids stay; bodies, seeds, layouts, distances and angles are drawn again.
+
+        Raises:
+            IndexError: there is no such recording.
+            ValueError: the attempt is negative.
+        """
+        if not 0 <= number < self.count:
+            raise IndexError(f"recording {number}: the set has 0 to {self.count - 1}")
+        if attempt < 0:
+            raise ValueError(f"attempt is {attempt}: at least 0 is needed")
+        tables, name = self.tables, self.split_of(number)
+        pools, cells = self._pools[name], self._cells(name, int(self._assigned[1][number]))
+
+        def rng(key: str, kept: bool = False) -> np.random.Generator:
+            return stream(tables.seed, number, 0 if kept else attempt, key)
+
+        def value(key: str, form: ValueForm[Any] | None) -> Any:
+            return None if form is None else form.draw(rng(key, key in _KEPT_ON_RETRY), cells.get(key, 0))
+
+        def seed(key: str) -> int:
+            return derived_seed(tables.seed, number, attempt, key)
+
+        people = value("people", tables.people)
+        sources = [
+            self.sources[pools.sources.draw(rng(f"source {index}", True), cells.get("prompts", 0))]
+            for index in range(people)
+        ]
+        if tables.places is None:
+            place = next((prompted_place(each.surroundings) for each in sources if each.surroundings), self.places[0])
+        else:
+            place = self.places[pools.places.draw(rng("place", True), cells.get("places", 0))]
+        layouts = pools.layouts.get(place.name)
+        if layouts is None:
+            place_seed = seed("place seed")
+        else:
+            place_seed = self.layout_seed(place.name, int(rng("layout").choice(layouts)))
+        if pools.motions is None:
+            motion_seed = seed("motion")
+        else:
+            motion_seed = derived_seed(tables.seed, "motion", int(rng("motion").choice(pools.motions)))
+        return RecordingSpec(
+            number=number,
+            attempt=attempt,
+            split=name,
+            seed=seed("noise"),
+            motion_seed=motion_seed,
+            place=place.name,
+            place_seed=place_seed,
+            bodies=self._bodies(pools, sum(each.people for each in sources), number, rng("bodies"), seed("bodies")),
+            sources=tuple(each.spec for each in sources),
+            radars=tuple(each.spec(value) for each in self.radars),
+            duration_s=value("duration_s", tables.duration_s),
+            distance_m=value("distance_m", tables.distance_m),
+            azimuth_deg=value("azimuth_deg", tables.azimuth_deg),
+            orientation_deg=value("orientation_deg", tables.orientation_deg),
+            receiver=self.receivers.draw(rng("receiver", True), cells.get("receiver", 0)),
+            noise=tables.noise,
+            rtol=tables.rtol,
+            max_bounces=tables.max_bounces,
+            transmission=tables.transmission,
+            collisions=tables.collisions,
+            outside=tables.outside,
+            motion=tables.motion,
+            pir_resolution=None if tables.pir_resolution is None else (*tables.pir_resolution,),  # type: ignore[arg-type]
+            fov_deg=tables.fov_deg,
+            keep=tuple(tables.keep),
+        )
+
+    def _bodies(
+        self, pools: SplitPools, people: int, number: int, rng: np.random.Generator, seed: int
+    ) -> tuple[BodySpec, ...]:
+        if pools.bodies is None:
+            return tuple(self._body(seed, index) for index in range(people))
+        drawn = rng.choice(pools.bodies, people, replace=people > len(pools.bodies))
+        return tuple(self._body(self.tables.seed, "pool", int(index)) for index in drawn)
+
+    def _body(self, *keys: int | str) -> BodySpec:
+        """One person: seed and attributes by the keys alone."""
+        tables = self.tables.bodies
+        drawn: dict[str, Any] = {
+            name: form.draw(stream(*keys, name))
+            for name in ("gender", "age_years", "height_m", "weight_kg", "muscle")
+            if (form := getattr(tables, name)) is not None
+        }
+        rounded: dict[str, Any] = {
+            name: value if isinstance(value, str) else round(value, 3) for name, value in drawn.items()
+        }
+        return BodySpec(derived_seed(*keys, "body"), **rounded)
+
+    def _grids(self, split: str) -> list[tuple[str, int]]:
+        """Keys with a grid and the number of their values in a split, the fastest first."""
+        pools, tables = self._pools[split], self.tables
+        found = [
+            (key, len(options.indices))
+            for key, options in (("prompts", pools.sources), ("places", pools.places))
+            if options.is_grid
+        ]
+        forms = {key: getattr(tables, key) for key in DRAWN} | {"receiver": self.receivers}
+        forms |= {key: form for radar in self.radars for key, form in radar.forms().items()}
+        return found + [(key, len(form.values)) for key, form in forms.items() if form is not None and form.is_grid]
+
+    def _cells(self, split: str, rank: int) -> dict[str, int]:
+        """Key -> index in its grid, of the recording number `rank` of a split."""
+        found = {}
+        for key, size in self._grids(split):
+            rank, found[key] = divmod(rank, size)
+        return found
+
+    def _facts(self) -> Iterable[str]:
+        yield f"{self.count} recordings"
+        yield f"{len(self.sources)} sources"
+        yield f"{len(self.places)} places"
+        yield f"radars: {', '.join(each.name or each.radar for each in self.radars)}"
+        yield f"splits: {', '.join(self.splits)}"
+
+
+def _places(tables: RecipeTables, sources: Iterable[Source], located: Any) -> tuple[Place, ...]:
+    """Alternatives of surroundings; without any in the recipe free space and the places that prompts name."""
+    named = {each.spec.text: each.surroundings for each in sources if each.surroundings}
+    if tables.places is None:
+        found = [Place(FREE_SPACE, "none"), *map(prompted_place, named.values())]
+        if tables.splits is not None and "place" in tables.splits.by and any(each.kind == "scene" for each in found):
+            raise RecipeError("splits.by has 'place', but prompts name scenes: give the places by the key places")
+        return tuple(dict.fromkeys(found))
+    if named:
+        prompt, place = next(iter(named.items()))
+        raise RecipeError(f"places: the prompt '{prompt}' names one ({place}); leave it out there, or leave out places")
+    read = []
+    for text in tables.places.values:
+        with faults_of("places"):
+            read.append(read_place(text, located))
+    return tuple(read)
+
+
+def _receivers(tables: RecipeTables, located: Any) -> ValueForm[Mapping[str, Any] | None]:
+    """Tables of the receivers, those of files read."""
+    form = tables.receiver
+    if form is None:
+        return ValueForm("scalar", (None,))
+    read: list[Mapping[str, Any]] = []
+    for value in form.values:
+        if isinstance(value, str):
+            path = located(value)
+            check_file(path)
+            value = tomllib.loads(path.read_text(encoding="utf-8"))
+        read.append(value)
+    return ValueForm(form.kind, tuple(read), form.weights)
+
+
+def _files(name: str | None) -> list[Path]:
+    """The file of that name, or all files of the folder."""
+    if name is None:
+        return []
+    path = Path(name)
+    return sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else [path]
+
+
+def _plain(value: Any) -> Any:
+    """What JSON holds of a form of values."""
+    return [value.kind, value.values, value.weights] if isinstance(value, ValueForm) else str(value)

@@ -1,0 +1,162 @@
+"""Sources in a recipe: prompts as the package reads them, and files that are there and can be read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rfgen_sionna.generative.clip_person import read_clip_prompt
+from rfgen_sionna.generative.motion.importers import MOTION_SUFFIXES, load_any_motion
+from rfgen_sionna.generative.motion.joint_recording import record_joints
+from rfgen_sionna.generative.motion_sources import check_source, motion_source
+from rfgen_sionna.generative.prompts import ScenePrompt
+from rfgen_sionna.generative.prompts.thing_prompt import ThingPrompt
+from rfgen_sionna.generative.several_actors import read_prompts
+from rfgen_sionna.recipes.recipe_tables import SOURCE_OPTIONS, RecipeTables, SourceTable
+from rfgen_sionna.recipes.recording_spec import SourceSpec
+from rfgen_sionna.scene.mesh_actor import MeshActor
+
+MAX_FILE = 4_000_000_000
+"""Largest file of a source [bytes]."""
+READINGS = 4
+"""Seeds with which a prompt is read: its ranges and open choices are drawn."""
+USUAL_SPEEDS = {"run": 2.5, "run_backwards": 1.5, "crawl": 0.4, "sneak": 0.6}
+"""Action -> usual speed over the floor [m/s]; others that lead straight over the floor go at `WALKING_SPEED`."""
+WALKING_SPEED = 1.2
+"""Usual speed of a walk [m/s]."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One alternative of what moves in a recording."""
+
+    spec: SourceSpec
+    actions: tuple[str, ...]
+    """Action of each actor; of files their names."""
+    people: int
+    """Number of people, who have bodies."""
+    surroundings: str | None = None
+    """Place that the prompt names."""
+    distances_m: tuple[float, ...] = ()
+    """Distances that the prompt gives, of several readings [m]."""
+    traits: frozenset[str] = frozenset()
+    """Attributes of bodies that the words give: "gender", "age", "height", "weight", "muscle"."""
+    speed_m_s: float = 0.0
+    """Speed of a straight way over the floor [m/s]; 0 where there is none."""
+
+    open_actions: frozenset[str] = frozenset()
+    """All actions that the words leave to the seed."""
+
+
+def source_tables(tables: RecipeTables) -> list[tuple[str, SourceTable]]:
+    """Path of the key and table of each source of a recipe."""
+    if tables.sources is not None:
+        return [(f"sources[{number}]", table) for number, table in enumerate(tables.sources)]
+    if tables.prompts is None:
+        return []
+    form = tables.prompts
+    key = {"scalar": "prompts", "choice": "prompts[{}]", "grid": "prompts.grid[{}]"}[form.kind]
+    return [(key.format(number), SourceTable(prompt=text)) for number, text in enumerate(form.values)]
+
+
+def read_source(table: SourceTable, located: Callable[[str], Path], motion: str, duration: float) -> Source:
+    """The source of a table; files are only located, :func:`check_source_file` reads them.
+
+    Args:
+        table: the table.
+        located: function that gives the absolute path of a file.
+        motion: source of the motion of prompts.
+        duration: longest recording [s].
+
+    Raises:
+        ValueError, ImportError: a prompt cannot be carried out.
+    """
+    kind: Any = next(name for name in SOURCE_OPTIONS if getattr(table, name) is not None)
+    if kind == "prompt":
+        return _prompt(str(table.prompt), motion, duration)
+    path = located(getattr(table, kind))
+    options = {
+        name: getattr(table, name)
+        for name in SOURCE_OPTIONS[kind]
+        if name != "words" and getattr(table, name) is not None
+    }
+    spec = SourceSpec(kind, table.words, str(path), options)
+    if kind == "clip":
+        said = [read_clip_prompt(table.words, "", seed, path) for seed in range(READINGS)]
+        _check_unused(said[0])
+        place, name = said[0].surroundings, path.stem
+        return Source(spec, (name,), 1, place, _distances(said), _traits(said[0]), open_actions=frozenset((name,)))
+    return Source(spec, (path.stem,), 1 if kind == "joints" else 0, open_actions=frozenset((path.stem,)))
+
+
+def _prompt(text: str, motion: str, duration: float) -> Source:
+    readings = [read_prompts(text, seed=seed) for seed in range(READINGS)]
+    first = readings[0]
+    for said in first.said:
+        _check_unused(said)
+        if not isinstance(said, ThingPrompt):
+            check_source(said, duration, motion_source(motion))
+    people = [said for said in first.said if not isinstance(said, ThingPrompt)]
+    return Source(
+        SourceSpec("prompt", text),
+        tuple(said.action if said.target == "person" else f"{said.target}: {said.action}" for said in first.said),
+        len(people),
+        first.surroundings,
+        _distances([said for reading in readings for said in reading.said]),
+        frozenset().union(*map(_traits, people)),
+        max(map(_speed, people), default=0.0),
+        frozenset(action for said in first.said for action in (*said.choices, said.action)),
+    )
+
+
+def _check_unused(said: ScenePrompt) -> None:
+    if said.unused:
+        raise ValueError(f"{said.unused[0]!r} was not understood and has no effect; leave it out")
+
+
+def _distances(readings: list[ScenePrompt]) -> tuple[float, ...]:
+    return tuple(sorted({said.distance_m for said in readings if said.distance_m is not None}))
+
+
+def _traits(said: ScenePrompt) -> frozenset[str]:
+    return frozenset(name for name, value in said.body.traits().items() if value is not None)
+
+
+def _speed(said: ScenePrompt) -> float:
+    straight = said.action in ("walk_straight", "walk_backwards", "sidestep", *USUAL_SPEEDS)
+    if not (straight and said.manner.path in (None, "straight")) or said.manner.pauses:
+        return 0.0
+    usual = USUAL_SPEEDS.get(said.action, WALKING_SPEED) * (said.speed or 1.0)
+    return usual if said.speed_mps is None else said.speed_mps
+
+
+def check_source_file(source: Source) -> None:
+    """Read the file of a source, once before all recordings.
+
+    Raises:
+        ValueError, OSError: it is missing, too large, or cannot be read.
+    """
+    spec = source.spec
+    if spec.file is None:
+        return
+    path, options = Path(spec.file), dict(spec.options)
+    check_file(path, folders=spec.kind == "clip")
+    if spec.kind == "joints":
+        layout: dict[str, Any] = {"layout": None, "up": None, "scale": 1.0, "frame_rate": None} | options
+        record_joints(path, **layout)
+    elif spec.kind == "mesh":
+        MeshActor.from_mesh(path, material=options.get("material", ""))
+    elif path.suffix.lower() in MOTION_SUFFIXES:
+        load_any_motion(path, up=options.get("up"), frame_rate=options.get("frame_rate"), index=0, action=path.stem)
+
+
+def check_file(path: Path, folders: bool = False) -> None:
+    """ValueError if a file is not there, is no regular file (or folder, with `folders`), or too large."""
+    if folders and path.is_dir():
+        return
+    if not path.is_file():
+        raise ValueError(f"there is no file '{path}'")
+    if path.stat().st_size > MAX_FILE:
+        raise ValueError(f"'{path}' has {path.stat().st_size / 1e9:.1f} GB; allowed are {MAX_FILE / 1e9:g} GB")
