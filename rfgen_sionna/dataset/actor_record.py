@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,7 +11,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._short_repr import ShortRepr
+from rfgen_sionna._short_repr import ShortRepr, short_value
 from rfgen_sionna._types import IntArray
 from rfgen_sionna.dataset.run_file import RunFile
 from rfgen_sionna.dataset.schema import RunFormatError
@@ -25,6 +26,11 @@ class ActorRecord(ShortRepr):
     joint_names: tuple[str, ...]
     _file: RunFile
     _radar_name: str
+
+    def _facts(self) -> Iterable[str]:
+        yield from super()._facts()
+        if self._file.is_open and "faces" in self._group:
+            yield f"faces={short_value(self._group['faces'])}"
 
     @property
     def faces(self) -> IntArray:

@@ -1,0 +1,261 @@
+"""Shards of a data set: HDF5 files with the runs of many recordings, equal bytes for equal recordings.
+
+A shard holds no time and nothing of how, where or in which order its recordings were made: their arrays are copied in
+alphabetical order, blocks as they are stored.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from rfgen_sionna.dataset.run_file import check_format, open_hdf5
+from rfgen_sionna.dataset.schema import FORMAT, RADARS, RECORDINGS, SHARD_FORMAT, VERSION, RunFormatError
+from rfgen_sionna.dataset.storage import Storage
+
+LIBVER = ("v110", "v110")
+"""Version of HDF5 for the structures of shards, which then have checksums."""
+_PACKED = Storage(compressed=True)
+COMPACT = 8192
+"""Size [bytes] up to which an array is stored in its header, which has a checksum."""
+_DERIVED = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid", "digest")
+"""Attributes that follow from the axes, or from all of a recording."""
+
+
+def recording_name(number: int) -> str:
+    """Name of the group of recording `number`, "000123"."""
+    return f"{number:06d}"
+
+
+def assemble_shard(target: Path, parts: Mapping[int, Path], attributes: Mapping[str, str] | None = None) -> None:
+    """Write a shard with the runs in the files `parts`, by number of recording; a file at `target` is replaced.
+
+    The shard is there whole or not at all, also after a crash of the machine. Radars of one recording share arrays
+    that are equal.
+
+    Parameters
+    ----------
+    target
+        File of the shard.
+    parts
+        Run file of each recording, by its number.
+    attributes
+        Further attributes of the shard, such as the recipe.
+
+    Raises
+    ------
+    RunFormatError
+        If a part is no run file.
+    OSError
+        If the shard cannot be written, such as on a full disk; nothing is left then.
+    """
+    temporary = target.parent / f".{target.name}.{os.getpid()}.tmp"
+    try:
+        with h5py.File(temporary, "w", libver=LIBVER) as shard:
+            heading = {"format": SHARD_FORMAT, "format_version": VERSION, "Conventions": f"{FORMAT}-{VERSION}"}
+            shard.attrs.update(heading | dict(sorted((attributes or {}).items())))
+            recordings = shard.create_group(RECORDINGS)
+            for number, part in sorted(parts.items()):
+                with open_hdf5(part) as source:
+                    check_format(part, source, FORMAT)
+                    copied = recordings.create_group(recording_name(number))
+                    copy_run(source, copied)
+                    copied.attrs["digest"] = recording_digest(source)
+        synced(temporary)
+        os.replace(temporary, target)
+        synced(target.parent)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def synced(path: Path) -> None:
+    """Wait until the file or folder is on the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def copy_run(source: h5py.Group, target: h5py.Group) -> None:
+    """Copy a run, of one or several radars, into an empty group; equal arrays of several radars are one."""
+    names = json.loads(source.attrs.get(RADARS, "[]"))
+    if not names:
+        _copy(source, target, None)
+        return
+    _copy_attributes(source, target)
+    radars = target.create_group(RADARS)
+    shared: dict[tuple[str, str], h5py.Dataset] = {}
+    for name in names:
+        _copy(source[f"{RADARS}/{name}"], radars.create_group(name), shared)
+
+
+def _copy(source: h5py.Group, target: h5py.Group, shared: dict[tuple[str, str], h5py.Dataset] | None) -> None:
+    """Copy all of a group; `shared` are arrays that are there already, by path and digest; None for a single radar."""
+    _copy_attributes(source, target)
+    groups, datasets = _objects(source)
+    for path in groups:
+        _copy_attributes(source[path], target.require_group(path))
+    made = []
+    # Axes first, so that arrays find theirs.
+    for path in sorted(datasets, key=lambda each: (not datasets[each].is_scale, each)):
+        digest = hashlib.sha256()
+        if shared is not None:
+            _digest_dataset(digest, path, datasets[path], source.name)
+            if (known := shared.get((path, digest.hexdigest()))) is not None:
+                target[path] = known
+                continue
+        copy = _copy_dataset(datasets[path], target, path)
+        if shared is not None:
+            shared[path, digest.hexdigest()] = copy
+        made.append(path)
+    for path in made:
+        copy, original = target[path], datasets[path]
+        for axis, dim in enumerate(original.dims):
+            if dim.label:
+                copy.dims[axis].label = dim.label
+            for scale in dim.values():
+                copy.dims[axis].attach_scale(target[_below(scale.name, source.name)])
+
+
+def _copy_dataset(original: h5py.Dataset, target: h5py.Group, path: str) -> h5py.Dataset:
+    text = h5py.check_string_dtype(original.dtype) is not None
+    shape, kind = original.shape, original.dtype
+    if text or original.nbytes <= COMPACT:
+        plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        plan.set_obj_track_times(False)
+        if not text:
+            plan.set_layout(h5py.h5d.COMPACT)
+        space = h5py.h5s.create_simple(shape) if shape else h5py.h5s.create(h5py.h5s.SCALAR)
+        made = h5py.Dataset(h5py.h5d.create(target.id, path.encode(), original.id.get_type(), space, dcpl=plan))
+        if original.size:
+            made[()] = original[()]
+    else:
+        blocks = original.chunks or shape
+        made = target.create_dataset(path, shape, kind, track_times=False, **_PACKED.filters(blocks, kind))
+        if made.chunks is not None and _filters(made) == _filters(original):
+            for number in range(original.id.get_num_chunks()):
+                found = original.id.get_chunk_info(number)
+                mask, block = original.id.read_direct_chunk(found.chunk_offset)
+                made.id.write_direct_chunk(found.chunk_offset, block, mask)
+        else:
+            for start in range(0, shape[0], blocks[0]):
+                made[start : start + blocks[0]] = original[start : start + blocks[0]]
+    _copy_attributes(original, made)
+    if original.is_scale:
+        made.make_scale(path.rpartition("/")[2])
+    return made
+
+
+def _filters(dataset: h5py.Dataset) -> list[Any]:
+    """Filters of a dataset with their parameters."""
+    plan = dataset.id.get_create_plist()
+    return [plan.get_filter(number)[:3] for number in range(plan.get_nfilters())]
+
+
+def _copy_attributes(source: h5py.HLObject, target: h5py.HLObject) -> None:
+    for name in sorted(source.attrs):
+        if name not in _DERIVED:
+            value = source.attrs[name]
+            target.attrs[name] = value
+
+
+def _objects(group: h5py.Group) -> tuple[list[str], dict[str, h5py.Dataset]]:
+    """Paths of the groups in a group, and its datasets by their paths, in alphabetical order."""
+    groups: list[str] = []
+    datasets: dict[str, h5py.Dataset] = {}
+
+    def look(inner: h5py.Group, before: str) -> None:
+        for name in sorted(inner):
+            item = inner.get(name, getlink=True)
+            if not isinstance(item, h5py.HardLink):
+                raise RunFormatError(f"'{group.file.filename}': '{before}{name}' is a link to another place")
+            item = inner[name]
+            if isinstance(item, h5py.Group):
+                groups.append(f"{before}{name}")
+                look(item, f"{before}{name}/")
+            elif isinstance(item, h5py.Dataset):
+                datasets[f"{before}{name}"] = item
+
+    look(group, "")
+    return groups, datasets
+
+
+def recording_digest(group: h5py.Group) -> str:
+    """SHA-256 of what the group of a recording means, in hexadecimal digits: names, types, shapes, values, attributes
+    and axes. It does not depend on blocks, compression and sharing: that of a run file is that of its copy in a shard.
+    """
+    digest = hashlib.sha256()
+    groups, datasets = _objects(group)
+    _digest_attributes(digest, "", group)
+    for path in groups:
+        _digest_attributes(digest, path, group[path])
+    for path in sorted(datasets):
+        _digest_dataset(digest, path, datasets[path], group.name)
+    return digest.hexdigest()
+
+
+def extract_recording(shard: Path, number: int, target: Path) -> None:
+    """Write the run of a recording in a shard to a run file of its own; a file at `target` is replaced.
+
+    RunFormatError if the shard has no such recording.
+    """
+    temporary = target.parent / f".{target.name}.{os.getpid()}.tmp"
+    try:
+        with open_hdf5(shard) as file, h5py.File(temporary, "w", libver=LIBVER) as made:
+            check_format(shard, file, SHARD_FORMAT)
+            name = f"{RECORDINGS}/{recording_name(number)}"
+            if name not in file:
+                raise RunFormatError(f"'{shard}' has no recording {number}")
+            copy_run(file[name], made)
+        synced(temporary)
+        os.replace(temporary, target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def shard_recordings(shard: h5py.File) -> Iterator[tuple[int, h5py.Group]]:
+    """Numbers and groups of the recordings in an open shard."""
+    for name in sorted(shard[RECORDINGS]):
+        yield int(name), shard[RECORDINGS][name]
+
+
+def _below(name: str, root: str) -> str:
+    return name.removeprefix("/" if root == "/" else f"{root}/")
+
+
+def _digest_dataset(digest: Any, path: str, dataset: h5py.Dataset, root: str) -> None:
+    axes = [[dim.label, [_below(scale.name, root) for scale in dim.values()]] for dim in dataset.dims]
+    _update(digest, [path, str(dataset.dtype), list(dataset.shape), dataset.is_scale, axes])
+    _digest_attributes(digest, path, dataset)
+    if h5py.check_string_dtype(dataset.dtype) is not None:
+        _update(digest, np.asarray(dataset.asstr()[()]).tolist())
+    elif dataset.chunks is not None and dataset.ndim and dataset.size:
+        step = dataset.chunks[0]
+        for start in range(0, dataset.shape[0], step):
+            digest.update(np.ascontiguousarray(dataset[start : start + step]).data)
+    elif dataset.size:
+        digest.update(np.ascontiguousarray(dataset[()]).data)
+
+
+def _digest_attributes(digest: Any, path: str, item: h5py.HLObject) -> None:
+    for name in sorted(item.attrs):
+        if name in _DERIVED:
+            continue
+        value = item.attrs[name]
+        array = np.asarray(value)
+        plain = value if isinstance(value, str) else array.tolist()
+        _update(digest, [path, name, str(array.dtype.kind), list(array.shape), plain])
+
+
+def _update(digest: Any, value: Any) -> None:
+    digest.update(json.dumps(value, default=repr).encode())
