@@ -1,5 +1,5 @@
-"""Command line: `rfgen generate`, `rfgen radars`, `rfgen show`, `rfgen export`, `rfgen motions`, `rfgen things`,
-`rfgen bench`."""
+"""Command line: `rfgen generate`, `rfgen radars`, `rfgen show`, `rfgen view`, `rfgen export`, `rfgen motions`,
+`rfgen things`, `rfgen bench`."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ from rfgen_sionna.cli.motions import motions
 from rfgen_sionna.cli.recorded import EXPORT_EPILOG, SHOW_EPILOG, export, show
 from rfgen_sionna.cli.things import EPILOG as THINGS_EPILOG
 from rfgen_sionna.cli.things import things
+from rfgen_sionna.cli.viewing import EPILOG as VIEW_EPILOG
+from rfgen_sionna.cli.viewing import view
 
 app = typer.Typer(
     name="rfgen",
@@ -70,6 +72,7 @@ def radars() -> None:
 
 
 app.command(epilog=SHOW_EPILOG)(show)
+app.command(epilog=VIEW_EPILOG)(view)
 app.command(epilog=EXPORT_EPILOG)(export)
 app.command(epilog=MOTIONS_EPILOG)(motions)
 app.command(epilog=THINGS_EPILOG)(things)

@@ -1,9 +1,10 @@
-"""Pictures, pages and a summary of a run: sheet, film, viewer's page, text."""
+"""Pictures, pages and a summary of a run: sheet, film, viewers, text."""
 
 from rfgen_sionna.show.film import animation
 from rfgen_sionna.show.html_page import html_page
 from rfgen_sionna.show.page import sheet
+from rfgen_sionna.show.rerun_view import open_in_rerun
 from rfgen_sionna.show.run_summary import summary
 from rfgen_sionna.show.run_view import NoPictureError
 
-__all__ = ["NoPictureError", "animation", "html_page", "sheet", "summary"]
+__all__ = ["NoPictureError", "animation", "html_page", "open_in_rerun", "sheet", "summary"]

@@ -34,7 +34,7 @@ class ActorShape:
         """Shape of an actor with at most `most` faces."""
         try:
             mesh = DecimatedMesh.of(actor, most)
-        except (KeyError, RunFormatError):  # the recording keeps neither vertices nor parameters of a body
+        except RunFormatError:  # the recording stores neither vertices nor parameters of a body
             mesh = None
         faces = np.empty((0, 3), np.int64) if mesh is None else mesh.faces
         return cls(actor.name, actor.material, faces, _bones(actor.joint_names), actor.joint_names, actor, mesh)
@@ -47,10 +47,7 @@ class ActorShape:
 
     def joints(self, frame: int) -> Points:
         """(joint, 3) positions [m], world frame; (0, 3) without joints."""
-        try:
-            return self._actor.joints(frame).astype(np.float32)
-        except (KeyError, RunFormatError):
-            return np.empty((0, 3), np.float32)
+        return self._actor.joints(frame).astype(np.float32)
 
     def points(self, frame: int) -> Points:
         """(point, 3) positions of the mesh, or of the joints where there is no mesh [m]."""

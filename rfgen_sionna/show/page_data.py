@@ -14,21 +14,19 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.spectrum import decibel, watts_to_dbm
 from rfgen_sionna.show.actor_shapes import ActorShape, actor_shapes
 from rfgen_sionna.show.displayable import Displayable
+from rfgen_sionna.show.level_pictures import MOST_COLUMNS, MOST_PIXELS, cell_span, level_bytes, reduced
 from rfgen_sionna.show.page import headline, velocity_limit
 from rfgen_sionna.show.panels import symmetric_limit
 from rfgen_sionna.show.run_summary import radar_line
-from rfgen_sionna.show.run_view import FrameView, RunView, display_range, view_frame, view_run
+from rfgen_sionna.show.run_view import FrameView, RunView
 from rfgen_sionna.show.style import DELAY_MAP, LEVEL_MAP, VELOCITY_MAP, level_limits
+from rfgen_sionna.show.viewer_frames import viewed_frame, viewed_range, viewed_run
 
 Progress = Callable[[int, int], None]
 Arrays = dict[str, NDArray[Any]]
 
 MOST_FRAMES = 120
 """Frames on a page; a longer run shows every k-th one."""
-MOST_PIXELS = 144
-"""Rows, and columns, of a picture on a page; cells beyond are joined to their maximum."""
-MOST_COLUMNS = 1024
-"""Columns of a picture over time, for all of a run."""
 MOST_LABEL_VALUES = 6
 """Values of a label a frame that are shown as text."""
 CONVENTIONS = (
@@ -48,17 +46,19 @@ class PageData:
     """Arrays by name: uint8 pictures, uint16 positions as fractions of the limits, float32 and uint16 lists."""
 
 
-def page_data(run: Displayable, report: str, progress: Progress | None = None) -> PageData:
-    """Contents of the page of a run: at most :data:`MOST_FRAMES` frames, evenly spaced."""
-    step = -(-len(run) // MOST_FRAMES)
+def page_data(
+    run: Displayable, report: str, progress: Progress | None = None, most_frames: int = MOST_FRAMES
+) -> PageData:
+    """Contents of the page of a run: at most `most_frames` frames, evenly spaced."""
+    step = -(-len(run) // most_frames)
     frames = range(0, len(run), step)
     views = []
     for number, frame in enumerate(frames):
-        views.append(view_frame(run, frame, static=False))
+        views.append(viewed_frame(run, frame))
         if progress is not None:
             progress(number + 1, len(frames))
-    whole, far = view_run(run), max(display_range(run, frame) for frame in (0, len(run) - 1))
-    shapes = actor_shapes(run)
+    whole, shapes = viewed_run(run), actor_shapes(run)
+    far = viewed_range(run, shapes)
     low, high = _limits(run, shapes, frames)
     header: dict[str, Any] = {
         "title": headline(run),
@@ -81,8 +81,11 @@ def page_data(run: Displayable, report: str, progress: Progress | None = None) -
     header["start"] = int(np.searchsorted(frames, whole.most_active_frame, side="right")) - 1
     header["actors"] = [_actor(shape, frames, low, high, arrays, f"actor{k}") for k, shape in enumerate(shapes)]
     header["cloud"] = _cloud(views, arrays)
-    header["rangeDoppler"] = _range_doppler(views, far, arrays)
-    header["spectrograms"] = [_range_time(run, whole, far, arrays), _doppler_time(run, whole, arrays)]
+    header["rangeDoppler"] = _range_doppler(views, far, arrays) if views[0].range_doppler.size else None
+    header["spectrograms"] = [
+        *([_range_time(run, whole, far, arrays)] if whole.range_time.power.size else []),
+        *([_doppler_time(run, whole, arrays)] if whole.doppler_time.power.size else []),
+    ]
     header["pir"] = _pir(run, frames, arrays) if run.has_pir else []
     return PageData(header, arrays)
 
@@ -125,12 +128,13 @@ def _cloud(views: Sequence[FrameView], arrays: Arrays) -> dict[str, Any]:
 
 def _range_doppler(views: Sequence[FrameView], far: float, arrays: Arrays) -> dict[str, Any]:
     rows = views[0].range <= far
-    level = np.stack([_reduced(view.range_doppler[rows]) for view in views])
+    level = np.stack([reduced(view.range_doppler[rows]) for view in views])
     low, high = level_limits(level)
-    arrays["rangeDoppler"] = _bytes(level[:, ::-1], low, high)
+    arrays["rangeDoppler"] = level_bytes(level[:, ::-1], low, high)
+    note = "static included" if views[0].static else "static removed"
     return {
-        "title": "Range–Doppler", "note": "static removed", "array": "rangeDoppler", "map": LEVEL_MAP,
-        "x": _span(views[0].velocity), "y": _span(views[0].range[rows]), "xLabel": "radial velocity [m/s]",
+        "title": "Range–Doppler", "note": note, "array": "rangeDoppler", "map": LEVEL_MAP,
+        "x": cell_span(views[0].velocity), "y": cell_span(views[0].range[rows]), "xLabel": "radial velocity [m/s]",
         "yLabel": "range [m]", "limits": [low, high], "unit": views[0].unit,
     }  # fmt: skip
 
@@ -139,14 +143,15 @@ def _range_time(run: Displayable, whole: RunView, far: float, arrays: Arrays) ->
     spectrum = whole.range_time
     near = spectrum.range <= far
     picture = _over_time(spectrum.power[:, near], spectrum.time, whole, "rangeTime", arrays)
-    limits = {"y": _span(spectrum.range[near]), "yLabel": "range [m]", "line": _truth(run, "distance")}
-    return picture | limits | {"title": "Range–time", "note": "static removed"}
+    limits = {"y": cell_span(spectrum.range[near]), "yLabel": "range [m]", "line": _truth(run, "distance")}
+    return picture | limits | {"title": "Range–time", "note": "static included" if whole.static else "static removed"}
 
 
 def _doppler_time(run: Displayable, whole: RunView, arrays: Arrays) -> dict[str, Any]:
     spectrum = whole.doppler_time
     picture = _over_time(spectrum.power, spectrum.time, whole, "dopplerTime", arrays)
-    limits = {"y": _span(spectrum.velocity), "yLabel": "radial velocity [m/s]", "line": _truth(run, "radial_velocity")}
+    truth = _truth(run, "radial_velocity")
+    limits = {"y": cell_span(spectrum.velocity), "yLabel": "radial velocity [m/s]", "line": truth}
     note = f"{'one spectrum a frame' if whole.per_frame else 'short-time transform'}, static removed"
     return picture | limits | {"title": "Doppler–time", "note": note}
 
@@ -154,11 +159,11 @@ def _doppler_time(run: Displayable, whole: RunView, arrays: Arrays) -> dict[str,
 def _over_time(
     power: FloatArray, time: FloatArray, whole: RunView, name: str, arrays: dict[str, Any]
 ) -> dict[str, Any]:
-    level = _reduced(watts_to_dbm(power.T), MOST_COLUMNS)
+    level = reduced(watts_to_dbm(power.T), MOST_COLUMNS)
     low, high = level_limits(level, 45.0)
-    arrays[name] = _bytes(level[None, ::-1], low, high)
+    arrays[name] = level_bytes(level[None, ::-1], low, high)
     return {
-        "array": name, "map": LEVEL_MAP, "x": _span(time, MOST_COLUMNS, alone=0.1), "xLabel": "time [s]",
+        "array": name, "map": LEVEL_MAP, "x": cell_span(time, MOST_COLUMNS, alone=0.1), "xLabel": "time [s]",
         "limits": [low, high], "unit": whole.unit,
     }  # fmt: skip
 
@@ -191,7 +196,7 @@ def _pir(run: Displayable, frames: Sequence[int], arrays: Arrays) -> list[dict[s
         ("delay", "PIR time of arrival", "ns", delay * 1e9, DELAY_MAP, (near, max(far, near + 1e-3))),
         ("speed", "PIR velocity", "m/s", np.where(there, speed, np.nan), VELOCITY_MAP, (-fastest, fastest)),
     ):
-        arrays[f"pir.{name}"] = _bytes(image, *limits)
+        arrays[f"pir.{name}"] = level_bytes(image, *limits)
         found.append(
             {
                 "title": title, "array": f"pir.{name}", "map": colours, "x": [half[0], -half[0]],
@@ -226,28 +231,6 @@ def _label_text(value: Any) -> str:
     return ", ".join(
         "–" if np.isnan(x) else f"{x + 0.0:.3g}".replace("-", "−") for x in values.astype(np.float64).ravel()
     )
-
-
-def _reduced(level: FloatArray, most_columns: int = MOST_PIXELS) -> FloatArray:
-    """Picture of at most `MOST_PIXELS` rows and `most_columns`, each cell the maximum of those it joins."""
-    for axis, most in enumerate((MOST_PIXELS, most_columns)):
-        step = -(-level.shape[axis] // most)
-        level = np.maximum.reduceat(level, np.arange(0, level.shape[axis], step), axis=axis)
-    return level
-
-
-def _span(values: FloatArray, most: int = MOST_PIXELS, alone: float = 1.0) -> list[float]:
-    """First and last border of the cells of an axis after :func:`_reduced`; a single cell is `alone` wide."""
-    cell = float(np.mean(np.diff(values))) if len(values) > 1 else alone
-    step = -(-len(values) // most)
-    first = float(values[0]) - cell / 2
-    return [first, first + cell * step * -(-len(values) // step)]
-
-
-def _bytes(image: FloatArray, low: float, high: float) -> NDArray[np.uint8]:
-    """Levels as 0 … 254 between the limits; 255 where there is none."""
-    part = (image - low) / (high - low) * 254
-    return np.where(np.isnan(part), 255, np.nan_to_num(part, nan=0.0).clip(0, 254).round()).astype(np.uint8)
 
 
 def _colours(name: str) -> list[int]:

@@ -67,6 +67,8 @@ def draw_range_doppler(figure: Figure, axes: Axes, view: FrameView, far: float, 
 def draw_azimuth(figure: Figure, axes: Axes, view: FrameView, far: float) -> None:
     """Power over the floor, left on the left, up to `far` [m]; moving detections are marked."""
     azimuth, points = view.azimuth, view.cloud.device
+    if azimuth is None:
+        return
     rows = azimuth.range <= far
     level = watts_to_dbm(azimuth.power[rows])
     angle, distance = np.meshgrid(edges(azimuth.azimuth).clip(-np.pi / 2, np.pi / 2), edges(azimuth.range[rows]))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rfgen_sionna.dataset import Run, open_run
+from rfgen_sionna.dataset import Run, RunFormatError, open_run
 from rfgen_sionna.show.capture_summary import capture_lines
 from rfgen_sionna.show.displayable import Displayable
 from rfgen_sionna.signal.formats import Capture
@@ -47,22 +47,30 @@ def _summary(source: Run) -> str:
     radar, times = source.radar, source.frame_times
     seeds = ", ".join(f"{name} {'-' if seed is None else seed}" for name, seed in source.seeds.items())
     step = f", one each {np.median(np.diff(times)) * 1e3:g} ms" if len(times) > 1 else ""
-    shape = " × ".join(map(str, source.adc.shape))
+    frames = f"{len(source)} frames{step}"
+    samples = ("stores", f"{', '.join(source.contents)}; {frames}")
+    if "adc" in source.contents:
+        shape = " × ".join(map(str, source.adc.shape))
+        samples = ("ADC cube", f"{shape} (frame, chirp, tx, rx, sample) {source.adc.dtype}, {frames}")
+    written = f", written {source.created}" if source.created else ""
     place = ", ".join(f"{x:g}" for x in radar.position)
     angles = ", ".join(f"{x + 0:.1f}" for x in np.degrees(radar.orientation).round(1))
     limits = f"reaches {radar.max_range:.2f} m and ±{radar.max_velocity:.2f} m/s"
     rows = [
-        ("file", f"{source.path} ({source.path.stat().st_size / 1e6:.1f} MB), written {source.created}"),
+        ("file", f"{source.path} ({source.path.stat().st_size / 1e6:.1f} MB){written}"),
         ("prompt", source.prompt or "-"),
         ("negative", source.negative_prompt or "-"),
         ("environment", source.environment or "-"),
         ("radar", f"{'' if source.name == radar.name else f'{source.name}: '}{radar_line(source)}"),
         ("", f"at ({place}) m, yaw/pitch/roll ({angles})°, {limits}"),
-        ("ADC cube", f"{shape} (frame, chirp, tx, rx, sample) {source.adc.dtype}, {len(source)} frames{step}"),
+        samples,
         ("PIR", _pir_line(source)),
     ]
     for actor in source.actors.values():
-        counts = f"{len(actor.vertices(0))} vertices, {len(actor.faces)} faces, {len(actor.part_names)} parts"
+        try:
+            counts = f"{len(actor.vertices(0))} vertices, {len(actor.faces)} faces, {len(actor.part_names)} parts"
+        except RunFormatError:  # a recording may store joints only
+            counts = "no mesh"
         skeleton = f", {len(actor.joint_names)} joints" if actor.joint_names else ""
         rows.append(("actor", f"{actor.name}: {actor.material}, {counts}{skeleton}"))
     for name, label in source.labels.items():

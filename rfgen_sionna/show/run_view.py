@@ -62,6 +62,8 @@ class RunView:
     """Frame with the largest mean speed, weighted with the power above the noise."""
     unit: str = "dBm"
     """Of levels."""
+    static: bool = False
+    """Whether the range profiles include static returns."""
 
 
 def view_run(run: Displayable) -> RunView:
@@ -107,7 +109,8 @@ class FrameView:
     """(range,) [m]"""
     velocity: FloatArray
     """(velocity,) [m/s]"""
-    azimuth: RangeAzimuth
+    azimuth: RangeAzimuth | None
+    """None where a recording stores maps and no samples."""
     cloud: PointCloud
     """Moving detections."""
     unit: str = "dBm"
