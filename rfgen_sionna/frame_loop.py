@@ -51,6 +51,8 @@ class Frame(ShortRepr):
     """Share of the words of I and Q beyond the ADC's range."""
     paths: tuple[RadarPaths, ...] = ()
     """Paths of actors and imagined surroundings for :func:`rfgen_sionna.pir.image`; empty for modelled surroundings."""
+    traced: TracedFrame | None = None
+    """All paths, of frames that keep them."""
 
 
 class TracedFrame(NamedTuple):
@@ -102,8 +104,10 @@ def frame_samples(
     begun: Callable[[], None],
     workers: int,
     start: int = 0,
+    keep_paths: bool = False,
 ) -> Iterator[tuple[NDArray[np.complex128], TracedFrame]]:
-    """Samples (chirp, tx, rx, sample) of each frame before the receiver, and the traced frame without its paths.
+    """Samples (chirp, tx, rx, sample) of each frame before the receiver, and the traced frame, without its paths unless
+    `keep_paths` is set; those of the static scene are with the first frame.
 
     One worker traces in the caller's thread while another thread sums. Several workers are processes; each traces and
     sums `RUN` frames at a time, from the facets of the first frame, with the same samples for any number of them.
@@ -114,16 +118,12 @@ def frame_samples(
     `start` are left out; the first one is traced all the same.
     """
 
-    @one_blas_thread()
     def samples(parts: Callable[[], Sequence[RadarPaths]], start: float, num_static: int) -> NDArray[np.complex128]:
-        total = np.zeros(radar.frame_shape, dtype=np.complex128)
-        for part in parts():
-            eps = required_eps(radar, part, rtol, num_static)
-            total += synthesize(radar, part, start, eps=eps, tx_gains=gains, device=device)
-        return total
+        return sum_paths(radar, parts(), start, num_static, rtol, gains, device)
 
     def emptied(frame: TracedFrame) -> TracedFrame:
-        return frame._replace(static=(), parts=tuple)
+        left = partial(tuple, tuple(frame.parts())) if keep_paths else tuple
+        return frame._replace(static=frame.static if keep_paths and frame is first else (), parts=left)
 
     first = trace(float(times[0]))
     static: NDArray[np.complex128] | float = 0.0
@@ -162,6 +162,27 @@ def frame_samples(
             now, frames = following, frames + 1
             if frames % TRIM_INTERVAL == 0:
                 _trim_memory()
+
+
+@one_blas_thread()
+def sum_paths(
+    radar: Radar,
+    paths: Sequence[RadarPaths],
+    start: float,
+    num_static: int,
+    rtol: float,
+    gains: NDArray[np.complex128] | None,
+    device: str,
+) -> NDArray[np.complex128]:
+    """Samples (chirp, tx, rx, sample) of all `paths` in a frame that begins at `start` [s], before the receiver.
+
+    The first `num_static` objects are at rest; other arguments are those of :func:`frame_samples`.
+    """
+    total = np.zeros(radar.frame_shape, dtype=np.complex128)
+    for part in paths:
+        eps = required_eps(radar, part, rtol, num_static)
+        total += synthesize(radar, part, start, eps=eps, tx_gains=gains, device=device)
+    return total
 
 
 def _trim_memory() -> None:

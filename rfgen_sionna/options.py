@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.dataset import check_run_output
+from rfgen_sionna.dataset.disk_space import bytes_text, frame_bytes
 from rfgen_sionna.generative.actor import DEFAULT_DURATION
 from rfgen_sionna.generative.environment_setup import IMAGE_FOV, IMAGE_PIXELS
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
@@ -20,7 +21,6 @@ from rfgen_sionna.generative.prompts.environment_prompt import split_source
 from rfgen_sionna.pir.render import check_view
 from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.recording import bytes_text, frame_bytes
 from rfgen_sionna.scene.checks.actors import OutsidePolicy, Policy
 from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.signal import Receiver
@@ -74,7 +74,7 @@ def check_options(
     check_workers(workers, chosen_device(device))
     target = Path("run.h5") if output is None else check_run_output(output, overwrite)
     chosen_view(pir_resolution, fov_deg, projection, split_source(environment)[0])
-    radar = _placed_radar(radar, preset, board, radar_position, look_at)
+    radar = placed_radar(radar, preset, board, radar_position, look_at)
     radar.to_dict()  # refuses a radar that no file can hold
     empty = Simulator(
         None,
@@ -125,13 +125,14 @@ def chosen_view(
     return resolution, fov
 
 
-def _placed_radar(
+def placed_radar(
     radar: str | PathLike[str] | Radar,
     preset: str | None,
     board: str | PathLike[str] | None,
     position: Any,
     look_at: Any,
 ) -> Radar:
+    """Radar of a name or file at a position [m], with its boresight to a target [m]; a placed one as it is."""
     if isinstance(radar, Radar):
         for name, value in (("preset", preset), ("board", board)):
             if value is not None:

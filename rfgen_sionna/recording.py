@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import math
-import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol
@@ -16,7 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna.dataset import STANDARD_LABELS, ActorInfo, Run, RunInfo, RunWriter, check_run_output, open_run
+from rfgen_sionna.dataset.actor_bodies import ActorBody
 from rfgen_sionna.dataset.actor_labels import actor_labels
+from rfgen_sionna.dataset.disk_space import check_free, frame_bytes, image_bytes
+from rfgen_sionna.dataset.frame_writer import FrameWriter
+from rfgen_sionna.dataset.representations import checked_keep, representation_arrays, representation_values
+from rfgen_sionna.dataset.stored_paths import write_frame_paths, write_static_paths
 from rfgen_sionna.frame_loop import Frame
 from rfgen_sionna.pir import View, image
 from rfgen_sionna.pir.projection import check_projection
@@ -58,6 +61,7 @@ class Simulation(Protocol):
         workers: int = 1,
         first_frame: int = 0,
         full_scale: float | None = None,
+        keep_paths: bool = False,
     ) -> Iterator[Frame]: ...
 
     def pir(
@@ -86,6 +90,15 @@ class RunPlan:
     """Number of frames."""
     frames: Callable[[int, float | None], Iterator[Frame]]
     """Frames from a number on; the second argument is the full scale of those before [sqrt(W)]."""
+    keep: tuple[str, ...] | None = None
+    """What is stored, of :data:`rfgen_sionna.dataset.representations.KEPT`; None stores samples, meshes, joints, labels
+    and images."""
+    bodies: tuple[ActorBody, ...] = ()
+    """Actors that are stored as parameters."""
+
+    def stores(self, name: str) -> bool:
+        """Whether something is stored."""
+        return name in self.keep if self.keep is not None else name in ("adc", "vertices", "joints", "labels", "pir")
 
 
 def record(
@@ -102,6 +115,8 @@ def record(
     pir_resolution: tuple[int, int] | None = None,
     fov_deg: float | tuple[float, float] = 60.0,
     projection: str = "perspective",
+    keep: Collection[str] | None = None,
+    words: bool = False,
     overwrite: bool = False,
     resume: bool = False,
     progress: bool | Progress = False,
@@ -119,6 +134,13 @@ def record(
         As in :meth:`rfgen_sionna.simulation.Simulator.adc`, for each simulator.
     pir_resolution, fov_deg, projection
         Pixels (rows, columns), field of view [degrees] and projection of a PIR image of each frame; None stores none.
+    keep
+        What is stored, names of :data:`rfgen_sionna.dataset.representations.KEPT`: "adc", "range_doppler", "drai",
+        "micro_doppler", "point_cloud", "pir", "vertices", "body" (parameters that rebuild the meshes), "joints",
+        "labels", "paths". None stores samples, vertices, joints and labels, and images with `pir_resolution`.
+    words
+        Whether quantised samples of up to 16 bits are stored as the words of the ADC, without a loss, in half the
+        space.
     overwrite
         Whether an existing file is replaced.
     resume
@@ -151,8 +173,8 @@ def record(
         )  # fmt: skip
         options: dict[str, Any] = {"start": start, "noise": noise, "seed": seed, "receiver": receiver}
         options |= {"device": device, "workers": workers}
-        plans[name] = run_plan(simulation, info, view, duration, **options)
-    return write_run(output, plans, overwrite=overwrite, resume=resume, progress=progress)
+        plans[name] = run_plan(simulation, info, view, duration, keep=keep, **options)
+    return write_run(output, plans, overwrite=overwrite, resume=resume, progress=progress, words=words)
 
 
 def _by_name(simulators: Any) -> dict[str, Any]:
@@ -227,14 +249,37 @@ def array_digest(arrays: Iterable[Any]) -> str:
     return found.hexdigest()[:16]
 
 
-def run_plan(simulation: Simulation, info: RunInfo, view: ImageView | None, duration: float, **options: Any) -> RunPlan:
-    """Run of `duration` [s]; `options` are those of :meth:`rfgen_sionna.simulation.Simulator.frames`."""
+def run_plan(
+    simulation: Simulation, info: RunInfo, view: ImageView | None, duration: float, *,
+    keep: Collection[str] | None = None, **options: Any,
+) -> RunPlan:  # fmt: skip
+    """Run of `duration` [s] that stores what `keep` names, as of :func:`record`; `options` are those of
+    :meth:`rfgen_sionna.simulation.Simulator.frames`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `keep` has an unknown name, or something that this radar or an actor has not.
+    """
+    names = None if keep is None else checked_keep(keep, view is not None)
+    bodies: tuple[ActorBody, ...] = ()
+    if names is not None:
+        bodies = tuple(map(ActorBody, simulation.actors)) if "body" in names else ()
+        arrays = representation_arrays(names, simulation.radar)
+        for body in bodies:
+            arrays |= body.arrays
+        info = replace(
+            info, arrays={**info.arrays, **arrays}, settings={**info.settings, "keep": list(names)},
+            labels=info.labels if "labels" in names else {},
+        )  # fmt: skip
+        view = view if "pir" in names else None
+        options |= {"keep_paths": True} if "paths" in names else {}
 
     def frames(first: int, full_scale: float | None) -> Iterator[Frame]:
         return simulation.frames(duration, **options, first_frame=first, full_scale=full_scale)
 
     count = len(simulation.frame_times(duration, options.get("start", 0.0)))
-    return RunPlan(simulation, info, view, count, frames)
+    return RunPlan(simulation, info, view, count, frames, names, bodies)
 
 
 def write_run(
@@ -244,8 +289,12 @@ def write_run(
     overwrite: bool,
     resume: bool = False,
     progress: bool | Progress | None = False,
+    words: bool = False,
+    compressed: bool = False,
+    dated: bool = True,
 ) -> Run:
-    """Write the frames of all `plans` to a file and open it. The name of the only radar of a file is empty."""
+    """Write the frames of all `plans` to a file and open it. The name of the only radar of a file is empty; `words`,
+    `compressed` and `dated` are those of :class:`rfgen_sionna.dataset.RunWriter`."""
     target = Path(output)
     infos: Any = plans[""].info if "" in plans else {name: plan.info for name, plan in plans.items()}
     if resume and target.is_file() and not overwrite:
@@ -256,18 +305,33 @@ def write_run(
     target = check_run_output(output, overwrite)
     _check_space(target, plans)
     total = sum(plan.count for plan in plans.values())
+    stored: dict[str, Any] = {"keep": next(iter(plans.values())).keep, "words": words}
+    stored |= {"compressed": compressed, "dated": dated}
     with (
-        RunWriter(target, infos, overwrite=overwrite, resume=resume) as writer,
+        RunWriter(target, infos, overwrite=overwrite, resume=resume, **stored) as writer,
         _shown(progress) as step,
     ):
         for name, plan in plans.items():
             series = writer.radar(name)
+            for body in plan.bodies:
+                body.describe(series.group)
+                for path, (values, array) in body.constants.items():
+                    if path not in series.group:
+                        writer.add_array(path, values, array, radar=name)
             if series.frames >= plan.count:
                 continue
             for frame in plan.frames(series.frames, series.full_scale):
+                _write_paths(series, frame)
                 writer.append(**_contents(plan, frame), radar=name)
                 step(writer.frames, total)
     return open_run(target)
+
+
+def _write_paths(series: FrameWriter, frame: Frame) -> None:
+    """Write the paths of a frame that has them, those of the static scene once."""
+    if frame.traced is not None:
+        write_static_paths(series.group, frame.traced.static, frame.traced.num_static)
+        write_frame_paths(series.group, frame.index, frame.traced.parts())
 
 
 def _shown(progress: bool | Progress | None) -> AbstractContextManager[Progress]:
@@ -293,41 +357,32 @@ def _contents(plan: RunPlan, frame: Frame) -> dict[str, Any]:
             pir = image(frame.paths, own, t)
         else:
             pir = simulation.pir(t, plan.view.resolution, plan.view.fov_deg, projection=shape)
+    actors, arrays = simulation.actors, dict[str, Any]()
+    if plan.keep is not None:
+        arrays |= representation_values(plan.keep, frame.samples, radar)
+    for body in plan.bodies:
+        arrays |= body.values(t)
     return {
-        "adc": frame.samples,
+        "adc": frame.samples if plan.stores("adc") else None,
         "time": frame.time,
         "pir": pir,
         "mesh_time": t,
         "full_scale": frame.full_scale,
         "clipped": frame.clipped,
-        "vertices": {actor.name: actor.vertices(t) for actor in simulation.actors},
-        "joints": {actor.name: actor.joints(t) for actor in simulation.actors if actor.joint_names},
-        "labels": actor_labels(simulation.actors, radar, t),
+        "vertices": {actor.name: actor.vertices(t) for actor in actors} if plan.stores("vertices") else {},
+        "joints": {each.name: each.joints(t) for each in actors if each.joint_names} if plan.stores("joints") else {},
+        "labels": actor_labels(actors, radar, t) if plan.stores("labels") else {},
+        "arrays": arrays,
     }
 
 
-def frame_bytes(radar: Radar, pir_resolution: tuple[int, int] | None) -> int:
-    """Size of the samples and the image of one frame in a file [bytes]."""
-    pixels = 0 if pir_resolution is None else math.prod(pir_resolution)
-    return np.dtype(radar.sample_type).itemsize * math.prod(radar.frame_shape) + 12 * pixels
-
-
 def _check_space(target: Path, plans: Mapping[str, RunPlan]) -> None:
-    """ValueError if the disk of `target` has no room for the frames."""
+    """ValueError if the disk of `target` has no room for the frames; paths and representations are left out."""
     needed = 0
     for plan in plans.values():
-        view, actors = plan.view, plan.info.actors
-        points = sum(actor.num_vertices + len(actor.joint_names) for actor in actors)
-        needed += plan.count * (frame_bytes(plan.info.radar, view.resolution if view else None) + 12 * points)
-    free = shutil.disk_usage(target.parent).free
-    if needed > free:
-        raise ValueError(
-            f"output '{target}' takes {bytes_text(needed)}, and '{target.parent}' has {bytes_text(free)} free: take a "
-            "shorter duration, or another folder"
-        )
-
-
-def bytes_text(count: float) -> str:
-    """A size in words, "3.51 MB"."""
-    power = min(int(math.log10(max(count, 1.0)) // 3), 5)
-    return f"{count / 1000.0**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB', 'PB')[power]}"
+        radar, actors = plan.info.radar, plan.info.actors
+        points = sum(actor.num_vertices for actor in actors) if plan.stores("vertices") else 0
+        points += sum(len(actor.joint_names) for actor in actors) if plan.stores("joints") else 0
+        image = image_bytes(plan.view.resolution if plan.view else None)
+        needed += plan.count * (image + 12 * points + (frame_bytes(radar) if plan.stores("adc") else 0))
+    check_free(target, needed)

@@ -293,10 +293,12 @@ class Simulator(ShortRepr):
         workers: int = 1,
         first_frame: int = 0,
         full_scale: float | None = None,
+        keep_paths: bool = False,
     ) -> Iterator[Frame]:
         """Iterator over the frames of :meth:`adc`, with constant memory; it traces the next frame meanwhile.
 
         Frames before number `first_frame` are left out; `full_scale` [sqrt(W)] is then theirs, for an automatic ADC.
+        With `keep_paths` frames have their paths (`Frame.traced`).
         """
         seed, noise = check_whole("seed", seed), _switch("noise", noise)
         first_frame = check_whole("first_frame", first_frame)
@@ -313,24 +315,19 @@ class Simulator(ShortRepr):
         elif not self.transmission and self._surroundings is not None:
             what, rays = "scene's surfaces", self._surroundings
             warn_occluded(self.radar, rays, self.actors, begin, end, what, much=False, stacklevel=2)
-        return self._frames(times, known, seed, device, workers, first_frame, full_scale)
+        return self._frames(times, known, seed, device, workers, first_frame, full_scale, keep_paths)
 
     def _frames(
-        self,
-        times: NDArray[np.float64],
-        receiver: Receiver,
-        seed: int,
-        device: str,
-        workers: int,
-        first: int,
-        full_scale: float | None,
-    ) -> Iterator[Frame]:
+        self, times: NDArray[np.float64], receiver: Receiver, seed: int, device: str, workers: int, first: int,
+        full_scale: float | None, keep_paths: bool,
+    ) -> Iterator[Frame]:  # fmt: skip
         trace, gains = frame_tracer(self.tracer, self._fusion, times), receiver.tx_gains(self.radar, seed)
-        made = frame_samples(self.radar, trace, times, self.rtol, gains, device, self._warn_silent, workers, first)
-        for index, (samples, traced) in enumerate(made, first):
+        given = self.radar, trace, times, self.rtol, gains, device, self._warn_silent, workers, first, keep_paths
+        for index, (samples, traced) in enumerate(frame_samples(*given), first):
             capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
-            full_scale, image_paths = capture.full_scale, traced.image_paths
-            yield Frame(index, traced.begin, capture.samples, traced.report, full_scale, capture.clipped, image_paths)
+            full_scale, paths = capture.full_scale, traced.image_paths
+            found = capture.samples, traced.report, full_scale, capture.clipped, paths, traced if keep_paths else None
+            yield Frame(index, traced.begin, *found)
 
     def record(self, output: str | PathLike[str], duration: float, **options: Any) -> Run:
         """Write the frames of :meth:`adc` to an HDF5 file, with meshes, joints and labels of the actors, and open it.

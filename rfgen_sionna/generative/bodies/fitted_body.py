@@ -40,6 +40,7 @@ def fitted_body(rig: Rig, offsets: FloatArray) -> Rig:
     fitted = replace(
         rig, vertices=vertices, heads=heads, height=float(np.ptp(vertices[:, 2])),
         mass=body_mass(vertices, rig.faces), parameters=None,
+        fitted_from=None if rig.parameters is None else (rig.parameters, np.asarray(offsets, np.float64)),
     )  # fmt: skip
     return replace(fitted, skeleton=_skeleton(fitted, at, offsets))
 

@@ -55,6 +55,9 @@ class Rig(ShortRepr):
     """Body mass [kg]."""
     parameters: Mapping[str, float] | None = None
     """Parameters of the body model; None if unknown."""
+    fitted_from: tuple[Mapping[str, float], FloatArray] | None = None
+    """Parameters of the body that a fitted one was made from, and the rest positions (22, 3) of its joints relative to
+    their parents [m]; None for others."""
 
     @cached_property
     def ancestors(self) -> FloatArray:

@@ -94,20 +94,40 @@ class ArticulatedSequence(ShortRepr):
     def _rest(self) -> FloatArray:
         return np.concatenate([part.at_rest() for part in self.parts])
 
-    def vertices(self, t: float) -> FloatArray:
-        """(vertex, 3) positions at `t` [s] in metres."""
-        if any(callable(part.points) for part in self.parts):
-            points = np.concatenate([p.points(t) if callable(p.points) else p.points for p in self.parts])
-        else:
-            points = self._rest
-        poses, owner = self._poses
-        if not poses:
-            return points
+    @property
+    def is_rigid(self) -> bool:
+        """Whether every part keeps its shape."""
+        return not any(callable(part.points) for part in self.parts)
+
+    @property
+    def rest(self) -> FloatArray:
+        """(vertex, 3) positions at t = 0 before the motions of :meth:`motions` [m]."""
+        return self._rest
+
+    @property
+    def owners(self) -> IntArray:
+        """(vertex,) index of the motion of each vertex in :meth:`motions`."""
+        return self._poses[1]
+
+    def motions(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """(motion, 3, 3) rotations and (motion, 3) translations [m] at `t` [s]; the first is at rest."""
+        poses = self._poses[0]
         turns, shifts = np.empty((1 + len(poses), 3, 3)), np.zeros((1 + len(poses), 3))
         turns[0] = np.eye(3)
         for k, pose in enumerate(poses, start=1):
             turns[k], shifts[k] = pose(float(t))
-        return np.asarray(np.einsum("vij,vj->vi", turns[owner], points) + shifts[owner])
+        return turns, shifts
+
+    def vertices(self, t: float) -> FloatArray:
+        """(vertex, 3) positions at `t` [s] in metres."""
+        if self.is_rigid:
+            points = self._rest
+        else:
+            points = np.concatenate([p.points(t) if callable(p.points) else p.points for p in self.parts])
+        if not self._poses[0]:
+            return points
+        turns, shifts = self.motions(t)
+        return np.asarray(np.einsum("vij,vj->vi", turns[self.owners], points) + shifts[self.owners])
 
     def joints(self, t: float) -> FloatArray:
         """(joint, 3) positions at `t` [s] in metres."""
