@@ -84,9 +84,9 @@ def _check_people(recipe: Recipe) -> None:
                 f"people is {most}, but '{source.spec.text}' is about {len(source.actions)} actors already: say who "
                 "does what in one prompt, or take prompts of one actor each"
             )
-        if source.spec.kind in ("clip", "joints") or source.spec.options.get("position_m") is not None:
+        if source.spec.kind in ("clip", "joints"):
             raise RecipeError(
-                f"people is {most}, but '{source.spec.file}' has one place of its own: take prompts of one actor each"
+                f"people is {most}, but a {source.spec.kind} is alone ('{source.spec.file}'): take prompts and meshes"
             )
     for source in recipe.sources:
         if len(source.actions) > MAX_PEOPLE:
