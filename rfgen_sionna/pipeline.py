@@ -2,48 +2,28 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from rfgen_sionna._deprecation import warn_renamed
+from rfgen_sionna.composition import Reception, TraceOptions, compose
 from rfgen_sionna.dataset import check_run_output
-from rfgen_sionna.generative.actor import DEFAULT_DURATION, Actor
-from rfgen_sionna.generative.clip_person import Clip, chosen_clip, person_with_clip, read_clip_prompt
-from rfgen_sionna.generative.decisions import DEFAULT, Decision, argument
-from rfgen_sionna.generative.environment_setup import ImageOptions, chosen_source, set_up_environment
-from rfgen_sionna.generative.motion_sources import motion_source
-from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError, check_seed
-from rfgen_sionna.generative.prompts.environment_prompt import (
-    NOWHERE,
-    EnvironmentPrompt,
-    in_words,
-    parse_environment,
-    split_source,
-    with_source,
-)
-from rfgen_sionna.generative.radar_placement import place_before_radar
-from rfgen_sionna.generative.several_actors import PromptedActors, actors_from_prompt, actors_report, read_prompts
-from rfgen_sionna.generative.things.thing_catalogue import bounces_of
-from rfgen_sionna.options import check_actors, check_options, check_size, chosen_duration, chosen_view, default_output
+from rfgen_sionna.generative.clip_person import chosen_clip
+from rfgen_sionna.generative.environment_setup import ImageOptions
+from rfgen_sionna.generative.prompts.environment_prompt import with_source
+from rfgen_sionna.options import check_actors, check_options, check_size, chosen_view, default_output
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.recording import ImageView, Progress, array_digest, run_info, run_plan, write_run
+from rfgen_sionna.recording import ImageView, Progress, write_run
 from rfgen_sionna.records import Motion
 from rfgen_sionna.scene.checks.actors import OutsidePolicy, Policy
-from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.scene.mesh_actor import MeshActor
+from rfgen_sionna.scene_request import Placement, RunSeeds, check_distances, read_request
 from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource
 from rfgen_sionna.signal.synthesis import chosen_device
-from rfgen_sionna.simulation import Simulator
 
 if TYPE_CHECKING:
     from rfgen_sionna.dataset import Run
-
-_LOG = logging.getLogger(__name__)
 
 
 def generate(
@@ -217,9 +197,8 @@ def generate(
         negative_environment, refine, environment_model, environment_lora, None if device == "auto" else device
     )
     device = chosen_device(device)
-    origin, place_words = split_source(environment)
-    read: PromptedActors | None = None
-    if prompt == "" and clip is None and others:
+    prompts = [] if prompt == "" and clip is None and others else [prompt]
+    if not prompts:
         for name, value, usual in (
             ("negative", negative, ""),
             ("distance", distance, None),
@@ -227,166 +206,32 @@ def generate(
         ):
             if value != usual:
                 raise ValueError(f"{name} is {value!r}, which belongs to a prompt, but only actors are given")
-        check_seed(seed)
-        asked = None if place_words is None else parse_environment(place_words)
-    else:
-        if isinstance(motion, str) and clip is None:
-            motion_source(motion)
-        read, asked = _read(prompt, negative, place_words, seed, distance, origin, clip)
-    kind = chosen_source(origin, asked, image_options)
-    for sentence in asked.warnings(imagined=kind == "diffusion") if asked else ():
-        _LOG.warning(sentence)
-    resolution, fov = chosen_view(pir_resolution, fov_deg, projection, kind)
-    target = check_run_output(default_output(read.said[0] if read else None) if output is None else output, overwrite)
-    image_options.check(moves=radar.trajectory is not None)
-    for said in read.said if read is not None and outside == "error" else ():
-        away = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
-        if away > radar.max_range:
-            raise ValueError(
-                f"distance is {away:g} m; the range window of radar '{radar.name}' (preset '{radar.preset}') ends at "
-                f"{radar.max_range:.2f} m: choose a smaller one, or a preset with a lower slope or a higher sample rate"
-            )
-    spot = None if read is None else place_before_radar(radar, read.distance_m, read.said[0].bearing_deg or 0.0)[0]
-    check_size(duration, radar, resolution, target)
-    setting = set_up_environment(
-        asked,
-        kind,
-        radar,
-        seed=seed,
+    request = read_request(
+        prompts,
+        negative=negative,
+        environment=environment,
+        seeds=RunSeeds.same(seed),
+        placement=Placement(distance_m=distance),
+        motion=str(motion) if clip is None else "",
+        clip=clip,
+        up=up,
+        frame_rate=frame_rate,
+        others=others,
         image_options=image_options,
-        fov_deg=fov,
-        resolution=resolution,
-        projection=projection,
     )
-    scene = setting.scene
-    kinds = [each.thing_record.kind for each in others if isinstance(each, Actor) and each.thing_record]
-    needed = max(map(bounces_of, [*kinds, "", *(said.target for said in (read.said if read else ()))]))
-    corners = max_bounces is not None and max_bounces < needed
-    traced: dict[str, Any] = {
-        "rtol": rtol,
-        "max_bounces": needed if corners else max_bounces,
-        "transmission": transmission,
-    }
-    traced["outside"] = outside
-    Simulator(scene, radar, others, **traced)
-
-    decisions = list(setting.decisions)
-    if corners:
-        decisions.append(Decision("max_bounces", str(needed), "the corner reflector returns by so many"))
-    people: tuple[Actor, ...] = ()
-    if read is not None and spot is not None:
-        found = floor_under(scene, (*spot, float(radar.position[2])))
-        height, why = (0.0, "no surface there, so height 0") if found is None else (found[0], f"'{found[1]}' there")
-        decisions.append(Decision("floor", f"{height + 0.0:.2f} m", why))
-        if clip is not None:
-            said = read.said[0]
-            person = person_with_clip(said, clip, seed=seed, radar=radar, floor=height, up=up, frame_rate=frame_rate)
-            people = (person,)
-        else:
-            length = DEFAULT_DURATION if duration is None else duration
-            people = actors_from_prompt(read, seed=seed, duration=length, radar=radar, floor=height, motion=str(motion))
-        if motion == "auto":
-            people = tuple(replace(each, decisions=tuple(map(_by_default, each.decisions))) for each in people)
-    everyone = (*people, *others)
-    duration = chosen_duration(duration, people or others)
-    simulator = Simulator(
-        scene,
-        radar,
-        everyone,
-        **traced,
-        collisions=collisions,
-        seed=seed,
-        environment=setting.environment,
-        refiner=setting.refiner,
+    resolution, fov = chosen_view(pir_resolution, fov_deg, projection, request.source)
+    named = default_output(request.said[0] if request.said else None)
+    target = check_run_output(named if output is None else output, overwrite)
+    image_options.check(moves=radar.trajectory is not None)
+    check_distances(request, radar, outside)
+    check_size(duration, radar, resolution, target)
+    plans = compose(
+        request,
+        {"": radar},
+        duration=duration,
+        view=ImageView(resolution, fov, projection),
+        trace=TraceOptions(rtol, max_bounces, transmission, outside, collisions),
+        reception=Reception(noise, impairments, noise or receiver is not None, device, workers),
+        report=report,
     )
-    # Surroundings from an image are opaque.
-    opaque = setting.environment is not None or not transmission
-    for person in people if opaque else ():
-        if not simulator.is_occluded(person, 0.0, duration):
-            continue
-        if setting.environment is None:
-            what, remedy = f"the surfaces of scene '{scene.name}' hide", "choose another distance or environment"
-        else:
-            what, remedy = f"surroundings of the {setting.name} hide", "choose another distance, seed or environment"
-        away = float(np.hypot(*(np.asarray(person.position) - np.asarray(radar.position))[:2]))
-        raise ValueError(
-            f"distance is {away:.3g} m: {what} the {person.name} from the radar there; {remedy}, or place the radar "
-            "elsewhere"
-        )
-    decisions += [Decision("actor", f"{each.name}: {each.material_names}", argument("actors")) for each in others]
-    text = actors_report(people, decisions)
-    if report is None:
-        _LOG.info("%s", text)
-    else:
-        report(text)
-
-    info = run_info(
-        simulator,
-        simulator.frame_times(duration),
-        noise=noise,
-        seed=seed,
-        receiver=impairments,
-        prompt=prompt,
-        negative_prompt=negative,
-        environment=setting.name,
-        seeds={
-            "body": seed if any(each.body is not None for each in people) else None,
-            "motion": seed if people and clip is None else None,
-            "surroundings": seed if kind in ("furnished", "diffusion") else None,
-            "speckle": seed,
-            "noise": seed if noise or receiver is not None else None,
-        },
-        report=text,
-    )
-    if setting.environment is not None:
-        shown = array_digest([setting.environment.energy, setting.environment.time_of_arrival])
-        info = replace(info, settings={**info.settings, "image": shown, "refine": refine})
-    view = ImageView(resolution, fov, projection)
-    plan = run_plan(
-        simulator, info, view, duration, noise=noise, seed=seed, receiver=impairments, device=device, workers=workers
-    )
-    return write_run(target, {"": plan}, overwrite=overwrite, resume=resume, progress=progress)
-
-
-def _read(
-    prompt: str,
-    negative: str,
-    environment: Any,
-    seed: int,
-    distance: float | None,
-    kind: str,
-    clip: Clip | None,
-) -> tuple[PromptedActors, EnvironmentPrompt | None]:
-    """Contents of the prompt and of the arguments; words without effect are logged."""
-    check_seed(seed)
-    if clip is not None:
-        read = PromptedActors((read_clip_prompt(prompt, negative, seed, clip),), "apart")
-    else:
-        read = read_prompts(prompt, negative, seed=seed)
-    if distance is not None and not (np.isfinite(distance) and distance > 0):
-        raise ValueError(f"distance is {distance!r} m: a positive, finite distance is needed")
-    named = in_words(read.surroundings) if read.surroundings else None
-    surroundings = named if environment is None else parse_environment(environment)
-    place, by_argument = read.surroundings, environment is not None or kind == "none"
-    if environment is not None:
-        place = NOWHERE if surroundings is None else surroundings.scene
-        if read.surroundings not in (None, place):
-            raise PromptError(f"environment: {environment!r}, but the prompt says {read.surroundings}: leave one out")
-    elif kind == "none":
-        place = NOWHERE
-    said = []
-    for each in read.said:
-        if distance is not None and each.distance_m is None:
-            origins = {**each.origins, "distance": argument("distance")}
-            each = replace(each, distance_m=float(distance), origins=origins)
-        if by_argument:
-            origins = {**each.origins, "surroundings": argument("environment")}
-            each = replace(each, surroundings=place, origins=origins)
-        said.append(each)
-        for sentence in each.warnings:
-            _LOG.warning(sentence)
-    return replace(read, said=tuple(said)), surroundings
-
-
-def _by_default(decision: Decision) -> Decision:
-    return replace(decision, origin=DEFAULT) if decision.name == "motion" else decision
+    return write_run(target, plans, overwrite=overwrite, resume=resume, progress=progress)

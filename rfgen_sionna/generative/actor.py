@@ -132,6 +132,7 @@ class Actor(MeshActor):
         source: MotionSource | None = None,
         floor: float = 0.0,
         motion: str = "auto",
+        body_seed: int | None = None,
     ) -> Actor:
         """Person, animal or thing from a prompt.
 
@@ -152,6 +153,7 @@ class Actor(MeshActor):
             floor: height of the floor under the person [m].
             motion: "auto" (clips of the motion library, and rules for what no clip has), "kinematic" (rules alone) or
                 "diffusion" (auto, varied by the learned model).
+            body_seed: seed of the body, or of the size of an animal or thing; None is `seed`.
 
         Raises:
             PromptError: the prompt cannot be carried out.
@@ -164,12 +166,13 @@ class Actor(MeshActor):
         if isinstance(prompt, ScenePrompt):
             said = prompt
         else:
-            said = read_prompt(prompt, negative, seed=seed)
+            said = read_prompt(prompt, negative, seed=seed, body_seed=body_seed)
             for sentence in said.warnings:
                 _LOG.warning(sentence)
+        body_seed = seed if body_seed is None else body_seed
         if isinstance(said, ThingPrompt):
             given = {"position": position, "orientation": orientation, "body": body, "material": material}
-            return cls(**prompted_thing(said, given, seed, duration, radar, floor, name))
+            return cls(**prompted_thing(said, given, seed, duration, radar, floor, name, body_seed))
         words = said.body
         wanted = Phenotype(words.gender, words.age_years, words.height_m, words.weight_kg, words.muscle)
         phenotype = body if isinstance(body, Phenotype) else wanted if body is None else None
@@ -184,7 +187,7 @@ class Actor(MeshActor):
             rig = body
         else:
             try:
-                rig = person(phenotype, seed=seed)
+                rig = person(phenotype, seed=body_seed)
             except PhenotypeError:
                 # Attributes by words contradict each other: drop the muscles.
                 if phenotype is not wanted or not {"weight", "muscle"} <= words.drawn:
@@ -192,7 +195,7 @@ class Actor(MeshActor):
                 muscle, weight = words.muscle, words.weight_kg
                 _LOG.warning("body: muscle %g is out of reach at %g kg; the weight is kept", muscle, weight)
                 phenotype = replace(wanted, muscle=None)
-                rig = person(phenotype, seed=seed)
+                rig = person(phenotype, seed=body_seed)
         performed = performed_motion(said, duration, seed, rig.skeleton, source)
         free = position is None and orientation is None
         if free and said.distance_m is None:
@@ -208,7 +211,7 @@ class Actor(MeshActor):
             orientation=cast(Any, (yaw, 0.0, 0.0) if orientation is None else orientation),
             motion=replace(performed, prompt=said.text), prompt=said, body=rig, phenotype=phenotype,
             decisions=(
-                *prompt_decisions(said, seed, describe(rig), arguments), *way, motion_decision(source, performed),
+                *prompt_decisions(said, body_seed, describe(rig), arguments), *way, motion_decision(source, performed),
                 material_decision(material),
             ),
         )  # fmt: skip

@@ -47,6 +47,10 @@ class PromptedActors:
     said: tuple[ScenePrompt, ...]
     relation: str
     """One of :data:`~rfgen_sionna.generative.prompts.actor_clauses.RELATIONS`."""
+    azimuth_deg: float = 0.0
+    """Azimuth of the middle of several actors whose prompts name none, positive to the radar's left [degrees]."""
+    body_seeds: tuple[int, ...] = ()
+    """Seed of each actor's body; without any, those of the motions."""
 
     @property
     def distance_m(self) -> float:
@@ -140,22 +144,24 @@ def actors_from_prompt(
         for sentence in (warning for each in read.said for warning in each.warnings):
             _LOG.warning(sentence)
     common: dict[str, Any] = {"radar": radar, "floor": floor, "duration": duration, "motion": motion}
-    names = _names(read.said)
+    names, seeds = _names(read.said), [actor_seed(seed, index) for index in range(len(read.said))]
+    own: list[dict[str, Any]] = [
+        {"seed": one, "body_seed": body} for one, body in zip(seeds, read.body_seeds or seeds, strict=True)
+    ]
     if len(read.said) == 1:
         only = read.said[0]
-        return (Actor.from_prompt(only, seed=seed, material=material, name=names[0], **common),)
-    seeds = [actor_seed(seed, index) for index in range(len(read.said))]
+        return (Actor.from_prompt(only, material=material, name=names[0], **own[0], **common),)
     made: list[Actor] = []
     for index, said in enumerate(_paced(read, None)):
         if made and read.relation in ("side by side", "pushing", "behind", "in front"):
             said = _paced(read, _speed(made[0], duration))[index]
         if isinstance(said, ThingPrompt):
-            made.append(Actor.from_prompt(said, seed=seeds[index], name=names[index], **common))
+            made.append(Actor.from_prompt(said, name=names[index], **own[index], **common))
             continue
         made.append(
             Actor.from_prompt(
-                said, seed=seeds[index], name=names[index], position=(0.0, 0.0, floor), orientation=(0.0, 0.0, 0.0),
-                material=material, **common,
+                said, name=names[index], position=(0.0, 0.0, floor), orientation=(0.0, 0.0, 0.0),
+                material=material, **own[index], **common,
             )
         )  # fmt: skip
     rng = np.random.default_rng([seed, 78])
@@ -234,7 +240,9 @@ def _layout(
     spots = _boresight_layout(read, made, duration, side, attempt)
     if read.relation == "apart":
         return spots
-    bearing = np.radians(next((each.bearing_deg for each in read.said if each.bearing_deg is not None), 0.0))
+    bearing = np.radians(
+        next((each.bearing_deg for each in read.said if each.bearing_deg is not None), read.azimuth_deg)
+    )
     c, s = float(np.cos(bearing)), float(np.sin(bearing))
     return [(c * u - s * v, s * u + c * v, turn + float(bearing)) for u, v, turn in spots]
 
@@ -290,12 +298,32 @@ def _boresight_layout(
     spots = []
     for i, said in enumerate(read.said):
         distance = middle if said.distance_m is None else said.distance_m
-        angle = (0.5 * (count - 1) - i) * step / distance
+        angle = float(np.radians(read.azimuth_deg)) + (0.5 * (count - 1) - i) * step / distance
         bearing = said.bearing_deg
         if bearing is not None:
             angle = float(np.radians(bearing))
         spots.append((distance * np.cos(angle), distance * np.sin(angle), turns[i] + angle))
     return spots
+
+
+def placed_before(
+    actor: Actor, radar: Radar, distance: float, azimuth_deg: float, orientation_deg: float, duration: float
+) -> Actor:
+    """The actor with the middle of its way over the floor before the radar, at its height.
+
+    Args:
+        actor: an actor.
+        radar: the radar.
+        distance: horizontal distance [m].
+        azimuth_deg: azimuth from the boresight, positive to the radar's left [degrees].
+        orientation_deg: rotation of the actor's x axis from facing the radar [degrees].
+        duration: time whose way counts [s].
+    """
+    ahead, facing = place_before_radar(radar, 1.0)
+    origin = np.asarray(place_before_radar(radar, 0.0)[0])
+    azimuth, turn = np.radians(azimuth_deg), np.radians(orientation_deg)
+    u, v = float(distance * np.cos(azimuth)), float(distance * np.sin(azimuth))
+    return _placed(actor, origin, np.asarray(ahead) - origin, facing, u, v, float(turn + azimuth), duration)
 
 
 def _placed(

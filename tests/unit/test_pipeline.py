@@ -17,7 +17,7 @@ import pytest
 import trimesh
 
 import rfgen_sionna as rfgen
-from rfgen_sionna import cli, pipeline
+from rfgen_sionna import cli, composition
 from rfgen_sionna.generative.motion.kinematic import KinematicSource
 from rfgen_sionna.radar import Adc
 from rfgen_sionna.signal import DcOffset, Receiver, receiver_from_record
@@ -512,7 +512,7 @@ def test_the_command_line_writes_a_run(rfgen_command: Any, tiny_toml: Path, fold
 
 
 def test_a_radar_that_no_file_can_hold_is_refused_before_any_work(tiny_toml, tmp_path, monkeypatch):
-    monkeypatch.setattr(pipeline, "set_up_environment", lambda *_, **__: pytest.fail("long work had begun"))
+    monkeypatch.setattr(composition, "set_up_environment", lambda *_, **__: pytest.fail("long work had begun"))
     radar = rfgen.Radar.load(tiny_toml, trajectory=lambda t: (0.3 * t, 0, 1))
     with pytest.raises(ValueError, match=r"radar\.trajectory is a function, which no file can hold: Trajectory"):
         rfgen.generate("a person jumps, 2 m away", radar=radar, output=tmp_path / "run.h5")

@@ -32,6 +32,7 @@ def prompted_thing(
     radar: Radar | None,
     floor: float,
     name: str,
+    body_seed: int | None = None,
 ) -> dict[str, Any]:
     """Fields of the actor of a prompt.
 
@@ -46,6 +47,7 @@ def prompted_thing(
         radar: the radar; None is one at the origin.
         floor: height of the floor [m].
         name: name in labels; "person" takes that of the kind.
+        body_seed: seed of size and details; None is `seed`.
 
     Raises:
         PromptError: the speed is out of reach, or the way leads to the radar.
@@ -56,8 +58,8 @@ def prompted_thing(
         raise ValueError(f"body: the prompt is about a {kind.name}, which has its own; leave it out")
     if not (np.isfinite(duration) and duration > 0.0):
         raise ValueError(f"duration: {duration!r} s; allowed is more than 0")
-    does = kind.actions[said.action]
-    values = kind.values(said.values, np.random.default_rng([seed, 52]))
+    does, body_seed = kind.actions[said.action], seed if body_seed is None else body_seed
+    values = kind.values(said.values, np.random.default_rng([body_seed, 52]))
     given_values = dict(said.values)
     if said.speed is not None and does.speed == 0.0:
         for key in PACED.intersection(values).difference(given_values):
@@ -89,8 +91,8 @@ def prompted_thing(
     start = np.asarray(place) - (0.5 * travel * ahead if way in ("left", "right") else 0.0)
     height = does.height if said.height_m is None else said.height_m
     built = build_thing(
-        kind.name, said.action, seed=seed, speed=speed if does.speed > 0.0 else None, path=None, yaw=yaw, height=height,
-        values=given_values,
+        kind.name, said.action, seed=body_seed, speed=speed if does.speed > 0.0 else None, path=None, yaw=yaw,
+        height=height, values=given_values,
     )  # fmt: skip
     position = (float(start[0]), float(start[1]), floor + height) if given["position"] is None else given["position"]
     if travel > 0.0 and given["position"] is None:
@@ -119,9 +121,8 @@ def prompted_thing(
             Decision("orientation", f"{said.orientation_deg or 0.0:g}° from facing the radar", origin("orientation"))
         )
     for key, value in built.thing.values.items():
-        rows.append(
-            Decision(key, f"{value:.4g}, {kind.parameters[key].meaning}", PROMPT if key in said.values else drawn(seed))
-        )
+        whence = PROMPT if key in said.values else drawn(body_seed)
+        rows.append(Decision(key, f"{value:.4g}, {kind.parameters[key].meaning}", whence))
     return fields | {"prompt": said, "decisions": tuple(rows)}
 
 
