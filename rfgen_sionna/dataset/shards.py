@@ -9,24 +9,31 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import h5py
-import numpy as np
 
+from rfgen_sionna.dataset.recording_digest import (
+    DERIVED,
+    objects_of,
+    path_below,
+    recording_digest,
+    shard_recordings,
+    update_with_dataset,
+)  # fmt: skip
 from rfgen_sionna.dataset.run_file import check_format, open_hdf5
 from rfgen_sionna.dataset.schema import FORMAT, RADARS, RECORDINGS, SHARD_FORMAT, VERSION, RunFormatError
 from rfgen_sionna.dataset.storage import Storage
 
 LIBVER = ("v110", "v110")
 """Version of HDF5 for the structures of shards, which then have checksums."""
+__all__ = ["assemble_shard", "copy_run", "extract_recording", "recording_digest", "shard_recordings"]
+
 _PACKED = Storage(compressed=True)
 COMPACT = 8192
 """Size [bytes] up to which an array is stored in its header, which has a checksum."""
-_DERIVED = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid", "digest")
-"""Attributes that follow from the axes, or from all of a recording."""
 
 
 def recording_name(number: int) -> str:
@@ -85,6 +92,12 @@ def synced(path: Path) -> None:
         os.close(handle)
 
 
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def copy_run(source: h5py.Group, target: h5py.Group) -> None:
     """Copy a run, of one or several radars, into an empty group; equal arrays of several radars are one."""
     names = json.loads(source.attrs.get(RADARS, "[]"))
@@ -101,7 +114,7 @@ def copy_run(source: h5py.Group, target: h5py.Group) -> None:
 def _copy(source: h5py.Group, target: h5py.Group, shared: dict[tuple[str, str], h5py.Dataset] | None) -> None:
     """Copy all of a group; `shared` are arrays that are there already, by path and digest; None for a single radar."""
     _copy_attributes(source, target)
-    groups, datasets = _objects(source)
+    groups, datasets = objects_of(source)
     for path in groups:
         _copy_attributes(source[path], target.require_group(path))
     made = []
@@ -109,7 +122,7 @@ def _copy(source: h5py.Group, target: h5py.Group, shared: dict[tuple[str, str], 
     for path in sorted(datasets, key=lambda each: (not datasets[each].is_scale, each)):
         digest = hashlib.sha256()
         if shared is not None:
-            _digest_dataset(digest, path, datasets[path], source.name)
+            update_with_dataset(digest, path, datasets[path], source.name)
             if (known := shared.get((path, digest.hexdigest()))) is not None:
                 target[path] = known
                 continue
@@ -123,7 +136,7 @@ def _copy(source: h5py.Group, target: h5py.Group, shared: dict[tuple[str, str], 
             if dim.label:
                 copy.dims[axis].label = dim.label
             for scale in dim.values():
-                copy.dims[axis].attach_scale(target[_below(scale.name, source.name)])
+                copy.dims[axis].attach_scale(target[path_below(scale.name, source.name)])
 
 
 def _copy_dataset(original: h5py.Dataset, target: h5py.Group, path: str) -> h5py.Dataset:
@@ -163,44 +176,9 @@ def _filters(dataset: h5py.Dataset) -> list[Any]:
 
 def _copy_attributes(source: h5py.HLObject, target: h5py.HLObject) -> None:
     for name in sorted(source.attrs):
-        if name not in _DERIVED:
+        if name not in DERIVED:
             value = source.attrs[name]
             target.attrs[name] = value
-
-
-def _objects(group: h5py.Group) -> tuple[list[str], dict[str, h5py.Dataset]]:
-    """Paths of the groups in a group, and its datasets by their paths, in alphabetical order."""
-    groups: list[str] = []
-    datasets: dict[str, h5py.Dataset] = {}
-
-    def look(inner: h5py.Group, before: str) -> None:
-        for name in sorted(inner):
-            item = inner.get(name, getlink=True)
-            if not isinstance(item, h5py.HardLink):
-                raise RunFormatError(f"'{group.file.filename}': '{before}{name}' is a link to another place")
-            item = inner[name]
-            if isinstance(item, h5py.Group):
-                groups.append(f"{before}{name}")
-                look(item, f"{before}{name}/")
-            elif isinstance(item, h5py.Dataset):
-                datasets[f"{before}{name}"] = item
-
-    look(group, "")
-    return groups, datasets
-
-
-def recording_digest(group: h5py.Group) -> str:
-    """SHA-256 of what the group of a recording means, in hexadecimal digits: names, types, shapes, values, attributes
-    and axes. It does not depend on blocks, compression and sharing: that of a run file is that of its copy in a shard.
-    """
-    digest = hashlib.sha256()
-    groups, datasets = _objects(group)
-    _digest_attributes(digest, "", group)
-    for path in groups:
-        _digest_attributes(digest, path, group[path])
-    for path in sorted(datasets):
-        _digest_dataset(digest, path, datasets[path], group.name)
-    return digest.hexdigest()
 
 
 def extract_recording(shard: Path, number: int, target: Path) -> None:
@@ -221,41 +199,3 @@ def extract_recording(shard: Path, number: int, target: Path) -> None:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-
-
-def shard_recordings(shard: h5py.File) -> Iterator[tuple[int, h5py.Group]]:
-    """Numbers and groups of the recordings in an open shard."""
-    for name in sorted(shard[RECORDINGS]):
-        yield int(name), shard[RECORDINGS][name]
-
-
-def _below(name: str, root: str) -> str:
-    return name.removeprefix("/" if root == "/" else f"{root}/")
-
-
-def _digest_dataset(digest: Any, path: str, dataset: h5py.Dataset, root: str) -> None:
-    axes = [[dim.label, [_below(scale.name, root) for scale in dim.values()]] for dim in dataset.dims]
-    _update(digest, [path, str(dataset.dtype), list(dataset.shape), dataset.is_scale, axes])
-    _digest_attributes(digest, path, dataset)
-    if h5py.check_string_dtype(dataset.dtype) is not None:
-        _update(digest, np.asarray(dataset.asstr()[()]).tolist())
-    elif dataset.chunks is not None and dataset.ndim and dataset.size:
-        step = dataset.chunks[0]
-        for start in range(0, dataset.shape[0], step):
-            digest.update(np.ascontiguousarray(dataset[start : start + step]).data)
-    elif dataset.size:
-        digest.update(np.ascontiguousarray(dataset[()]).data)
-
-
-def _digest_attributes(digest: Any, path: str, item: h5py.HLObject) -> None:
-    for name in sorted(item.attrs):
-        if name in _DERIVED:
-            continue
-        value = item.attrs[name]
-        array = np.asarray(value)
-        plain = value if isinstance(value, str) else array.tolist()
-        _update(digest, [path, name, str(array.dtype.kind), list(array.shape), plain])
-
-
-def _update(digest: Any, value: Any) -> None:
-    digest.update(json.dumps(value, default=repr).encode())
