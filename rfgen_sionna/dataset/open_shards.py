@@ -26,6 +26,8 @@ class OpenShards:
 
     def __init__(self, verified: VerifiedFiles) -> None:
         self._verified = verified
+        self.checked: set[tuple[Path, str]] = set()
+        """Files and groups in them that are known to be runs."""
         self._start()
 
     def _start(self) -> None:
@@ -33,10 +35,10 @@ class OpenShards:
         self._process, self._lock = os.getpid(), RLock()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"_verified": self._verified}
+        return {"_verified": self._verified, "checked": self.checked}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self._verified = state["_verified"]
+        self._verified, self.checked = state["_verified"], state["checked"]
         self._start()
 
     def file(self, path: Path) -> h5py.File:

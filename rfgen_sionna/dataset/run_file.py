@@ -19,6 +19,9 @@ _NEEDED_ATTRIBUTES = ("prompt", "negative_prompt", "environment", "radar", "seed
 class FilePool(Protocol):
     """Open files that several runs share."""
 
+    checked: set[tuple[Path, str]]
+    """Files and groups in them that are known to be runs."""
+
     def file(self, path: Path) -> h5py.File:
         """The file at `path`, open for reading in this process."""
         ...
@@ -59,15 +62,20 @@ class RunFile:
         self._process = os.getpid()
 
     def _checked_root(self) -> h5py.Group:
-        if self.inside and not isinstance(self._file.get(self.inside), h5py.Group):
+        root = self._file.get(self.inside) if self.inside else self._file
+        if not isinstance(root, h5py.Group):
             raise RunFormatError(f"'{self.path}' has no group '{self.inside}'")
-        root = self._file[self.inside] if self.inside else self._file
+        known = (self._absolute, self.inside)
+        if self._pool is not None and known in self._pool.checked:
+            return root
         check_format(self.path, root, FORMAT)
         for name in _radar_names(self.path, root) or ("",):
             at = f"{RADARS}/{name}" if name else ""
             if at and at not in root:
                 raise RunFormatError(f"'{self.path}' lacks '{at}'")
             _check_run(self.path, root[at] if at else root)
+        if self._pool is not None:
+            self._pool.checked.add(known)
         return root
 
     def close(self) -> None:
