@@ -18,6 +18,8 @@ GRAVITY = 9.81
 """[m/s²]"""
 _LOWEST = 0.05
 """Height of the smallest jump of a mean adult [m]; it flies 0.2 s."""
+_LEANING = 0.2
+"""Height of the lowest jump of a mean adult with the whole lean of the trunk in its dip [m]."""
 
 
 def _airborne(tracks: MotionTracks, reach: float = 0.985) -> None:
@@ -147,7 +149,9 @@ def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Mann
         foot.loose = ease(feet_lift / (0.4 * height))
     tracks.contacts[:] = ~airborne[:, None]
     swing = keys(t, arm_t, arm)
-    low = keys(t, *_dips(times, z))
+    # The trunk leans as far as the jump is high: the smallest hops come from ankles and knees, the trunk upright.
+    size = height * 0.82 / leg
+    low = keys(t, *_dips(times, z)) * np.clip((size - _LOWEST) / (_LEANING - _LOWEST), 0.0, 1.0)
     tracks.pitch += 0.6 * low
     tracks.bend += 0.3 * low
     tracks.nod -= 0.5 * low

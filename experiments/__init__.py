@@ -1,0 +1,1 @@
+"""Experiments on real recordings: trained on simulated data, tested on measured ones."""
