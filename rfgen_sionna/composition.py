@@ -119,8 +119,8 @@ def compose(
     if corners:
         decisions.append(Decision("max_bounces", str(needed), "the corner reflector returns by so many"))
     people = _people(request, setting.scene, radar, duration, decisions)
-    if placed is not None:
-        others = (*others, *placed(setting.scene))
+    added = () if placed is None else tuple(placed(setting.scene))
+    others = (*others, *added)
     duration = chosen_duration(duration, people or others)
     simulators = {
         key: Simulator(
@@ -135,10 +135,10 @@ def compose(
         )
         for key, each in radars.items()
     }
-    persons = (*people, *(each for each in others if isinstance(each, Actor) and each.prompt is not None))
-    _check_visible(simulators[name], setting, persons, duration)
+    said = (*people, *(each for each in added if isinstance(each, Actor) and each.prompt is not None))
+    _check_visible(simulators[name], setting, said, duration)
     decisions += [Decision("actor", f"{each.name}: {each.material_names}", argument("actors")) for each in others]
-    text = actors_report(people, decisions)
+    text = actors_report(said, decisions)
     if report is None:
         _LOG.info("%s", text)
     else:

@@ -11,6 +11,14 @@ import numpy as np
 from rfgen_sionna.radar import Radar
 
 
+class DiskSpaceError(ValueError):
+    """A file that its disk has no room for."""
+
+
+class DiskSpaceError(ValueError):
+    """A disk has no room for a file."""
+
+
 def frame_bytes(radar: Radar, pir_resolution: tuple[int, int] | None = None) -> int:
     """Size of the samples and the image of one frame in a file [bytes]."""
     return np.dtype(radar.sample_type).itemsize * math.prod(radar.frame_shape) + image_bytes(pir_resolution)
@@ -22,10 +30,10 @@ def image_bytes(pir_resolution: tuple[int, int] | None) -> int:
 
 
 def check_free(target: Path, needed: int) -> None:
-    """ValueError if the disk of the file `target` has less than `needed` bytes free."""
+    """DiskSpaceError if the disk of the file `target` has less than `needed` bytes free."""
     free = shutil.disk_usage(target.parent).free
     if needed > free:
-        raise ValueError(
+        raise DiskSpaceError(
             f"output '{target}' takes {bytes_text(needed)}, and '{target.parent}' has {bytes_text(free)} free: take a "
             "shorter duration, or another folder"
         )

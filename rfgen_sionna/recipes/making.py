@@ -11,6 +11,7 @@ import numpy as np
 
 from rfgen_sionna.composition import Reception, TraceOptions, compose
 from rfgen_sionna.dataset.actor_labels import actor_labels
+from rfgen_sionna.dataset.disk_space import DiskSpaceError
 from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.bodies import Phenotype
 from rfgen_sionna.generative.clip_person import person_with_clip, read_clip_prompt
@@ -42,19 +43,23 @@ SPACING = 1.3
 """Distance between neighbours of a recording of several sources [m]."""
 
 
-def make_with_attempts(recipe: Recipe, number: int, path: Path) -> RecordingSpec:
+def make_with_attempts(recipe: Recipe, number: int, path: Path, device: str = "cpu") -> RecordingSpec:
     """Make a recording, with further draws where a place cannot be, and return what it is made of.
 
     Raises
     ------
     ValueError
         If no attempt can be made: the reason of the last one.
+    DiskSpaceError
+        If the disk has no room.
     """
     attempts = max(1, recipe.tables.attempts)
     for attempt in range(attempts):
         spec = recipe.recording(number, attempt)
         try:
-            make_recording(spec, path)
+            make_recording(spec, path, device)
+        except DiskSpaceError:
+            raise
         except ValueError as error:
             if attempt == attempts - 1:
                 raise ValueError(f"none of {attempts} draws could be made, the last one: {error}") from error
@@ -63,26 +68,35 @@ def make_with_attempts(recipe: Recipe, number: int, path: Path) -> RecordingSpec
     raise AssertionError("unreachable")
 
 
-def make_recording(spec: RecordingSpec, path: Path) -> None:
+def make_recording(spec: RecordingSpec, path: Path, device: str = "cpu") -> None:
     """Make one recording and write its run file; nothing is left at `path` where it cannot be.
+
+    Parameters
+    ----------
+    spec
+        What it is made of.
+    path
+        Run file to write, in place of one that is there.
+    device
+        Device that sums the paths: "cpu", "cuda" or "auto".
 
     Raises
     ------
     ValueError
         If the recording cannot be: somebody in a wall, hidden or too far, for instance.
     """
-    plans = recording_plans(spec)
+    plans = recording_plans(spec, device)
     write_run(path, plans, overwrite=True, words=True, compressed=True, dated=False).close()
 
 
-def recording_plans(spec: RecordingSpec) -> dict[str, RunPlan]:
+def recording_plans(spec: RecordingSpec, device: str = "cpu") -> dict[str, RunPlan]:
     """Runs of the radars of a recording, checked, before their first frame."""
     radars = {
         each.name: placed_radar(each.radar, each.preset, each.board, each.position_m, each.look_at_m)
         for each in spec.radars
     }
     first = next(iter(radars.values()))
-    request = recording_request(spec)
+    request = recording_request(spec, device)
     for radar in radars.values():
         request.image_options.check(moves=radar.trajectory is not None)
     check_distances(request, first, spec.outside)
@@ -94,27 +108,39 @@ def recording_plans(spec: RecordingSpec) -> dict[str, RunPlan]:
         view=ImageView(resolution, fov, "perspective"),
         images="pir" in spec.keep,
         trace=TraceOptions(spec.rtol, spec.max_bounces, spec.transmission, spec.outside, spec.collisions),
-        reception=Reception(spec.noise, spec.receiver, spec.noise or spec.receiver is not None, "cpu"),
+        reception=Reception(spec.noise, spec.receiver, spec.noise or spec.receiver is not None, device),
         placed=lambda scene: _placed_sources(spec, request, scene, first),
         keep=spec.keep,
-        recording=spec.to_dict(),
+        recording=portable(spec),
     )
 
 
-def recording_request(spec: RecordingSpec) -> SceneRequest:
+def portable(spec: RecordingSpec) -> dict[str, Any]:
+    """Record of a recording as its run stores it: with the names of files, without their folders."""
+    record = spec.to_dict()
+    for source in record["sources"]:
+        source["file"] = source["file"] and Path(source["file"]).name
+    for radar in record["radars"]:
+        radar["radar"] = Path(radar["radar"]).name
+        radar["board"] = radar["board"] and Path(radar["board"]).name
+    return record
+
+
+def recording_request(spec: RecordingSpec, device: str = "cpu") -> SceneRequest:
     """The prompts and the place of a recording, read and checked."""
     prompts = [each.text for each in spec.sources if each.kind == "prompt"]
     if len(spec.sources) > 1 and any(each.kind in ("clip", "joints") for each in spec.sources):
         raise ValueError("sources: clips and joints are alone in a recording; leave out the other sources")
-    return read_request(
+    request = read_request(
         prompts,
         environment=spec.place,
         seeds=RunSeeds(_first_body(spec).seed, spec.motion_seed, spec.place_seed, spec.seed, spec.seed),
         bodies=tuple(map(_person_body, spec.bodies)) if prompts else (),
         placement=Placement(spec.distance_m, spec.azimuth_deg, spec.orientation_deg),
         motion=spec.motion,
-        image_options=ImageOptions(device="cpu"),
+        image_options=ImageOptions(device=None if device == "auto" else device),
     )
+    return replace(request, prompt="; ".join(each.text or Path(each.file or "").name for each in spec.sources))
 
 
 def _person_body(body: BodySpec) -> PersonBody:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
 
-from rfgen_sionna.resources import resolve
+from tests.unit.tiny_radar import tiny_radar_text
 
 
 @pytest.fixture(scope="session")
@@ -16,24 +15,6 @@ def tiny_toml(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     Its range window is that of the mmMesh configuration, 11 m.
     """
-    text = resolve("radars", "awr1843").read_text(encoding="utf-8")
-    start, stop = text.index("[preset.mmmesh]"), text.rindex("[source]")
-    preset = """[preset.tiny]
-start_frequency_hz = 77.0e9
-slope_hz_per_s = 60.012e12
-sample_rate_hz = 4.4e6
-num_samples = 64
-idle_time_s = 7.0e-6
-adc_start_time_s = 6.0e-6
-ramp_end_time_s = 25.0e-6
-num_loops = 8
-tx_order = ["TX1", "TX3"]
-frame_period_s = 0.05
-
-"""
-    text = text[:start] + preset + text[stop:]
-    text = re.sub(r'"preset\.\w+" = .*\n', "", text) + '"preset.tiny" = "made up for tests"\n'
-    text = text.replace('default_preset = "mmmesh"', 'default_preset = "tiny"').replace('"awr1843"', '"tiny"', 1)
     path = tmp_path_factory.mktemp("radars") / "tiny.toml"
-    path.write_text(text, encoding="utf-8")
+    path.write_text(tiny_radar_text(), encoding="utf-8")
     return path

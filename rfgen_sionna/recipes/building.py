@@ -1,0 +1,326 @@
+"""Builds of data sets: the recordings of a recipe are made by an engine, in any order, and put into shards.
+
+A recording's bits depend on the recipe and its number alone. An interrupted build is continued with what it has.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from rfgen_sionna.dataset.card import CARD, write_card
+from rfgen_sionna.dataset.checksums import read_sums, set_files, write_sums
+from rfgen_sionna.dataset.run_file import open_hdf5
+from rfgen_sionna.dataset.schema import RunFormatError, software_versions
+from rfgen_sionna.dataset.set_index import INDEX, Failure, read_index, write_index
+from rfgen_sionna.dataset.shards import extract_recording, shard_recordings
+from rfgen_sionna.dataset.store import OutputError
+from rfgen_sionna.dataset.verified_files import SUMS
+from rfgen_sionna.recipes.build_progress import BuildProgress, shown
+from rfgen_sionna.recipes.building_folder import BUILDING, RECIPE, SHARDS, BuildingFolder, is_final
+from rfgen_sionna.recipes.outcome import Job, Outcome, is_disk_full
+from rfgen_sionna.recipes.process_engine import LocalProcesses
+from rfgen_sionna.recipes.recipe import Recipe
+from rfgen_sionna.recipes.recording_job import RecordingJob
+
+EngineName = Literal["processes", "ray"]
+Order = Literal["forward", "reversed"] | Sequence[int]
+
+_LOG = logging.getLogger(__name__)
+
+
+class BuildEngine(Protocol):
+    """Makes recordings on a machine or on several."""
+
+    def outcomes(self, job: Job, numbers: Iterable[int]) -> Iterator[Outcome]:
+        """Outcomes of the recordings, in the order in which they end."""
+        ...
+
+
+class BuildError(OSError):
+    """A build that stopped; what it has made is whole, and it can be continued."""
+
+
+@dataclass(frozen=True)
+class BuildReport:
+    """What a build has made."""
+
+    folder: Path
+    count: int
+    """Recordings in the set."""
+    made: int
+    """Recordings made by this call."""
+    failures: tuple[Failure, ...] = ()
+    """Recordings that could not be made."""
+    warnings: dict[str, int] = field(default_factory=dict)
+    """Warnings, and the number of recordings of each."""
+    seconds: float = 0.0
+    """Duration of this call [s]."""
+
+    def __str__(self) -> str:
+        rate = f", {3600.0 * self.made / self.seconds:.0f} an hour" if self.made and self.seconds else ""
+        lines = [f"{self.count} recordings in '{self.folder}', {self.made} of them made now{rate}"]
+        lines += [f"not made: {each.number:06d} (seed {each.seed}): {each.reason}" for each in self.failures]
+        lines += [f"warning of {count} recordings: {text}" for text, count in self.warnings.items()]
+        return "\n".join(lines)
+
+
+def build_dataset(
+    recipe: Recipe | str | PathLike[str],
+    output: str | PathLike[str],
+    *,
+    workers: int | None = None,
+    engine: EngineName = "processes",
+    address: str | None = None,
+    gpus_per_worker: float = 0.0,
+    order: Order = "forward",
+    resume: bool = False,
+    progress: bool | Callable[[int, int], None] | None = None,
+) -> BuildReport:
+    """Make the recordings of a recipe and write them as a data set.
+
+    Parameters
+    ----------
+    recipe
+        The recipe, or its file.
+    output
+        Folder of the set; it is made, and must be empty without `resume`.
+    workers
+        Number of processes, each on one core with one recording at a time; None takes one for each core (of the
+        cluster), within the free memory.
+    engine
+        "processes" on this machine, or "ray": the cluster at `address`, which needs the extra `cluster`.
+    address
+        Cluster of Ray: "auto" for the running one, its address, or "local" (None) for one on this machine.
+    gpus_per_worker
+        GPUs of each worker, also a fraction; 0 computes on the CPU, whose samples are other ones within `rtol`.
+    order
+        Order in which recordings are begun; the set is the same for all.
+    resume
+        Whether a build in `output` is continued: what is missing is made, and nothing else.
+    progress
+        True shows a bar; a function is called with the numbers of finished recordings and of all.
+
+    Raises
+    ------
+    OutputError
+        If `output` is not empty, or holds a set of another recipe.
+    BusyError
+        If another build works in `output`.
+    BuildError
+        If the disk is full; the build can be continued.
+    ValueError, ImportError
+        Before any work: an argument or the recipe is wrong, or Ray is missing.
+    """
+    recipe = recipe if isinstance(recipe, Recipe) else Recipe.load(recipe)
+    folder = Path(output).absolute()
+    _check_output(folder, recipe, resume)
+    numbers = _ordered(order, recipe.count)
+    folder.mkdir(parents=True, exist_ok=True)
+    state = BuildingFolder(folder, recipe)
+    made_by = _engine(engine, workers, address, gpus_per_worker, state.path)
+    with state.locked(), shown(progress, recipe.count) as step:
+        job = RecordingJob(recipe, state.path, "cpu" if gpus_per_worker == 0 else "cuda")
+        return run_build(state, made_by, job, numbers, step)
+
+
+def run_build(
+    state: BuildingFolder, engine: BuildEngine, job: Job, numbers: Iterable[int], step: BuildProgress
+) -> BuildReport:
+    """Make what a locked folder lacks, and end the set.
+
+    Raises
+    ------
+    BuildError
+        If the disk is full.
+    """
+    begun = time.monotonic()
+    made, warned = 0, Counter[str]()
+    if _is_ended(state):
+        state.remove()
+        failed = read_index(state.output).failures
+        step(state.recipe.count, len(failed))
+        return BuildReport(state.output, state.recipe.count - len(failed), 0, failed)
+    try:
+        (state.output / RECIPE).write_text(state.recipe.text, encoding="utf-8")
+        done, failures = _present(state)
+        missing = [number for number in numbers if number not in done and number not in failures]
+        step(len(done) + len(failures), len(failures))
+        for index in range(state.shard_count):
+            _assemble_if_final(state, index, failures)
+        with closing(_outcomes(engine, job, missing)) as outcomes:
+            for outcome in outcomes:
+                if outcome.kind == "disk full":
+                    raise BuildError(outcome.reason)
+                warned.update(outcome.warnings)
+                if outcome.kind == "made":
+                    made += 1
+                    done.add(outcome.number)
+                else:
+                    failures[outcome.number] = _failure(state, outcome)
+                    state.add_failure(failures[outcome.number])
+                _assemble_if_final(state, state.shard_of(outcome.number), failures)
+                step(len(done) + len(failures), len(failures))
+        for index in range(state.shard_count):
+            state.assemble(index, failures)
+        count = finish(state, failures)
+    except Exception as error:
+        if isinstance(error, BuildError) or is_disk_full(error):
+            raise _full(state, str(error)) from error
+        raise
+    state.remove()
+    return BuildReport(
+        state.output, count, made, tuple(failures.values()), dict(warned.most_common()), time.monotonic() - begun
+    )
+
+
+def finish(state: BuildingFolder, failures: dict[int, Failure]) -> int:
+    """Write index, card and checksums of the shards in a folder; the number of its recordings."""
+    folder = state.output
+    meta = {"recipe_digest": state.recipe.digest, "software": json.dumps(software_versions(), sort_keys=True)}
+    index = write_index(folder, meta, tuple(failures.values()))
+    known = dict(index.shards)
+    write_sums(folder, known)
+    write_card(folder)
+    write_sums(folder, known)
+    return len(index.rows)
+
+
+def _outcomes(engine: BuildEngine, job: Job, numbers: list[int]) -> Any:
+    return engine.outcomes(job, numbers) if numbers else _nothing()
+
+
+def _nothing() -> Iterator[Outcome]:
+    yield from ()
+
+
+def _assemble_if_final(state: BuildingFolder, index: int, failures: dict[int, Failure]) -> None:
+    """Write a shard without recordings that a later call may make."""
+    if all(is_final(failures[number]) for number in state.numbers(index) if number in failures):
+        state.assemble(index, failures)
+
+
+def _failure(state: BuildingFolder, outcome: Outcome) -> Failure:
+    seed = outcome.seed if outcome.kind != "crashed" else state.recipe.recording(outcome.number).seed
+    return Failure(outcome.number, seed, outcome.kind, outcome.reason)
+
+
+def _present(state: BuildingFolder) -> tuple[set[int], dict[int, Failure]]:
+    """Recordings that are there and failures that stay; shards that lack a recording go back into parts."""
+    failures = dict(state.failures)
+    if not failures:
+        try:
+            failures = {each.number: each for each in read_index(state.output).failures}
+        except (OSError, ValueError):
+            failures = {}
+    for number, failure in list(failures.items()):
+        if not is_final(failure):
+            state.forget_failure(number)
+            del failures[number]
+        else:
+            state.add_failure(failure)
+    done: set[int] = set()
+    for index in range(state.shard_count):
+        shard, wanted = state.shard(index), set(state.numbers(index)) - set(failures)
+        if not shard.is_file():
+            continue
+        there = recordings_in(shard)
+        if wanted <= there:
+            for number in there:
+                state.part(number).unlink(missing_ok=True)
+        else:
+            for number in there:
+                if not state.part(number).is_file():
+                    extract_recording(shard, number, state.part(number))
+            shard.unlink()
+        done |= there & wanted
+    return done | set(state.parts), failures
+
+
+def recordings_in(shard: Path) -> set[int]:
+    """Numbers of the recordings in a shard.
+
+    Raises
+    ------
+    RunFormatError
+        If it cannot be read.
+    """
+    try:
+        with open_hdf5(shard) as file:
+            return {number for number, _ in shard_recordings(file)}
+    except (KeyError, ValueError, RuntimeError, OSError) as error:
+        raise RunFormatError(
+            f"'{shard}' is damaged ({error}): `rfgen dataset repair {shard.parent}` makes its recordings again"
+        ) from error
+
+
+def _full(state: BuildingFolder, reason: str) -> BuildError:
+    free = shutil.disk_usage(state.output).free
+    return BuildError(
+        f"the disk of '{state.output}' is full ({free / 1e6:.0f} MB free): {reason}. What is there is whole: free some "
+        f"space, then `rfgen dataset resume {state.output}` makes the rest"
+    )
+
+
+def _check_output(folder: Path, recipe: Recipe, resume: bool) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"output '{folder}' is a file: a folder is needed")
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return
+    stored = folder / RECIPE
+    known = (folder / BUILDING).is_dir() or (folder / SUMS).is_file() or any(folder.glob(SHARDS))
+    if not known or not stored.is_file():
+        if known and resume:
+            return
+        raise OutputError(f"output '{folder}' is not empty: choose another folder")
+    if not resume:
+        raise OutputError(f"output '{folder}' holds a set: resume=True (`rfgen dataset resume`) makes what it lacks")
+    if stored.read_text(encoding="utf-8", errors="replace") != recipe.text:
+        raise OutputError(
+            f"output '{folder}' holds a set of another recipe ('{stored}'): choose another folder, or that recipe"
+        )
+
+
+def _is_ended(state: BuildingFolder) -> bool:
+    """Whether a set has all of its files, with every recording made or failed for good."""
+    try:
+        index, sums = read_index(state.output), read_sums(state.output)
+    except (OSError, ValueError):
+        return False
+    numbers = {row.number for row in index.rows} | {each.number for each in index.failures if is_final(each)}
+    files = {path.name for path in set_files(state.output)}
+    return numbers == set(range(state.recipe.count)) and files == set(sums) >= {CARD, INDEX, RECIPE, *index.shards}
+
+
+def _ordered(order: Order, count: int) -> list[int]:
+    if order == "forward":
+        return list(range(count))
+    if order == "reversed":
+        return list(range(count))[::-1]
+    numbers = [int(number) for number in order]
+    if sorted(numbers) != list(range(count)):
+        raise ValueError(f"order is {order!r}: 'forward', 'reversed' or all numbers from 0 to {count - 1} are needed")
+    return numbers
+
+
+def _engine(name: str, workers: int | None, address: str | None, gpus_per_worker: float, folder: Path) -> BuildEngine:
+    if not (isinstance(gpus_per_worker, int | float) and 0.0 <= gpus_per_worker <= 64.0):
+        raise ValueError(f"gpus_per_worker is {gpus_per_worker!r}: a number of at least 0 is needed")
+    if name == "processes":
+        if address is not None:
+            raise ValueError(f"address is {address!r}, which belongs to the engine 'ray'")
+        return LocalProcesses(workers, gpu=gpus_per_worker > 0)
+    if name == "ray":
+        from rfgen_sionna.recipes.ray_engine import RayCluster
+
+        return RayCluster(workers, address=address, gpus_per_worker=gpus_per_worker, folder=folder)
+    raise ValueError(f"engine is {name!r}: 'processes' or 'ray' is needed")

@@ -1,0 +1,166 @@
+"""State of a build on the disk: finished recordings, failures and the lock, in `.building` in the folder of the set."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from rfgen_sionna.dataset.set_index import Failure
+from rfgen_sionna.dataset.shards import assemble_shard
+from rfgen_sionna.recipes.outcome import FINAL
+from rfgen_sionna.recipes.recipe import Recipe
+from rfgen_sionna.recipes.recording_job import WORKER_FOLDER, part_name
+
+RECIPE = "recipe.toml"
+"""Name of the recipe in the folder of a set."""
+BUILDING = ".building"
+"""Name of the folder of a build."""
+SHARDS = "shard-*.h5"
+"""Pattern of the names of shards."""
+_LEFTOVERS = (f"{WORKER_FOLDER}*", "*.tmp", "probe-*")
+
+
+class BusyError(OSError):
+    """A folder in which another build is at work."""
+
+
+def shard_name(index: int) -> str:
+    """File name of the shard number `index`."""
+    return f"shard-{index:05d}.h5"
+
+
+class BuildingFolder:
+    """Folder of a build; :meth:`locked` opens it for one driver."""
+
+    def __init__(self, output: Path, recipe: Recipe) -> None:
+        self.output, self.recipe = output, recipe
+        self.path = output / BUILDING
+        self._per_shard = recipe.recordings_per_shard
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Context of the only driver; leftovers of ended workers are removed.
+
+        Raises
+        ------
+        BusyError
+            If another driver is at work, on this machine or another one that shares the disk.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        handle = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            _lock(handle, self.output)
+            self._remove_leftovers()
+            self._with_state("CREATE TABLE IF NOT EXISTS failures (number INTEGER PRIMARY KEY, seed INTEGER, "
+                             "kind TEXT, reason TEXT)")  # fmt: skip
+            yield
+        finally:
+            os.close(handle)
+
+    def _remove_leftovers(self) -> None:
+        for pattern in _LEFTOVERS:
+            for path in self.path.glob(pattern):
+                shutil.rmtree(path, ignore_errors=True)
+                path.unlink(missing_ok=True)
+        for path in (*self.output.glob(".shard-*.tmp"), *self.output.glob(".*.tmp")):
+            path.unlink(missing_ok=True)
+
+    def _with_state(self, statement: str, values: Sequence[object] = ()) -> list[tuple[Any, ...]]:
+        with closing(sqlite3.connect(self.path / "state.sqlite", timeout=30.0)) as base, base:
+            return base.execute(statement, values).fetchall()
+
+    @property
+    def failures(self) -> dict[int, Failure]:
+        """Recordings that could not be made, by their numbers."""
+        rows = self._with_state("SELECT number, seed, kind, reason FROM failures ORDER BY number")
+        return {row[0]: Failure(*row) for row in rows}
+
+    def add_failure(self, failure: Failure) -> None:
+        """Note that a recording could not be made."""
+        values = (failure.number, failure.seed, failure.kind, failure.reason)
+        self._with_state("INSERT OR REPLACE INTO failures VALUES (?, ?, ?, ?)", values)
+
+    def forget_failure(self, number: int) -> None:
+        """Note that a recording is to be made again."""
+        self._with_state("DELETE FROM failures WHERE number = ?", (number,))
+
+    @property
+    def parts(self) -> dict[int, Path]:
+        """Finished recordings that are in no shard yet."""
+        return {int(path.stem): path for path in self.path.glob("[0-9]*.h5") if path.stem.isdecimal()}
+
+    def part(self, number: int) -> Path:
+        """File of a finished recording."""
+        return self.path / part_name(number)
+
+    def numbers(self, index: int) -> range:
+        """Numbers of the recordings of a shard."""
+        return range(index * self._per_shard, min((index + 1) * self._per_shard, self.recipe.count))
+
+    @property
+    def shard_count(self) -> int:
+        """Number of shards of the recipe."""
+        return -(-self.recipe.count // self._per_shard)
+
+    def shard_of(self, number: int) -> int:
+        """Number of the shard of a recording."""
+        return number // self._per_shard
+
+    def shard(self, index: int) -> Path:
+        """File of a shard."""
+        return self.output / shard_name(index)
+
+    def assemble(self, index: int, failures: Mapping[int, Failure]) -> bool:
+        """Write a shard, once all of its recordings are made or failed, and remove its parts; whether it was written.
+
+        A shard with recordings that a further try may make waits for the end of the build.
+        """
+        numbers = self.numbers(index)
+        made = {number: path for number in numbers if (path := self.part(number)).is_file()}
+        if not made or len(made) + sum(number in failures for number in numbers) < len(numbers):
+            return False
+        assemble_shard(self.shard(index), made, self.attributes)
+        for path in made.values():
+            path.unlink(missing_ok=True)
+        return True
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Attributes of the shards."""
+        return {"recipe": self.recipe.text, "recipe_digest": self.recipe.digest}
+
+    def remove(self) -> None:
+        """Remove the state of a finished build."""
+        shutil.rmtree(self.path, ignore_errors=True)
+
+
+def is_final(failure: Failure) -> bool:
+    """Whether a further try cannot make a recording."""
+    return failure.kind in FINAL
+
+
+def _lock(handle: int, output: Path) -> None:
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        import msvcrt
+
+        lock = lambda: msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]  # noqa: E731
+    else:
+        lock = lambda: fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)  # noqa: E731
+    try:
+        lock()
+    except OSError:
+        with suppress(OSError, UnicodeDecodeError):
+            holder = os.pread(handle, 200, 0).decode().strip()
+            raise BusyError(f"'{output}' is being built by {holder}: wait for its end, or end it") from None
+        raise BusyError(f"'{output}' is being built by another process: wait for its end, or end it") from None
+    with suppress(OSError):
+        os.truncate(handle, 0)
+        os.pwrite(handle, f"process {os.getpid()} on {os.uname().nodename}, since {time.ctime()}\n".encode(), 0)

@@ -1,0 +1,169 @@
+"""Recordings by local processes, one at a time each. A process that ends takes no other recording with it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import pickle
+import selectors
+import signal
+import subprocess
+import sys
+import threading
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from typing import Any
+
+from rfgen_sionna.recipes.outcome import Job, Outcome
+from rfgen_sionna.recipes.recording_job import ONE_THREAD, WITHOUT_GPU, available_memory
+from rfgen_sionna.recipes.worker_process import READY
+
+WORKER_MEMORY = 1_500_000_000
+"""Memory that a worker is expected to take [bytes]."""
+MAX_WORKER_MEMORY = 3_000_000_000
+"""Memory above which a worker is replaced by a new one after its recording [bytes]."""
+MAX_CRASHES = 2
+"""Number of processes that a recording may end before it is a failure."""
+PATIENCE = 5.0
+"""Time for a process to end after its output did [s]."""
+
+_LOG = logging.getLogger(__name__)
+
+
+def chosen_workers(workers: int | None) -> int:
+    """Number of processes: the given one, or one for each core, in either case within the free memory.
+
+    Raises
+    ------
+    ValueError
+        If `workers` is no whole number of at least 1.
+    """
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
+        raise ValueError(f"workers is {workers!r}: a whole number of at least 1 is needed")
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    wanted, free = workers or cores, available_memory()
+    fit = wanted if free is None else max(1, int(free // WORKER_MEMORY))
+    if workers is not None and fit < wanted:
+        _LOG.warning("workers is %d, but the free memory of %.1f GB has room for %d", workers, (free or 0) / 1e9, fit)
+    return min(wanted, fit)
+
+
+class LocalProcesses:
+    """Engine of processes on this machine.
+
+    Parameters
+    ----------
+    workers
+        Number of processes; None takes one for each core, within the free memory.
+    gpu
+        Whether the processes may use a GPU.
+    max_memory
+        Memory above which a process is replaced after its recording [bytes].
+    """
+
+    def __init__(self, workers: int | None = None, *, gpu: bool = False, max_memory: int = MAX_WORKER_MEMORY) -> None:
+        self.workers, self._gpu, self._max_memory = chosen_workers(workers), gpu, max_memory
+
+    def outcomes(self, job: Job, numbers: Iterable[int]) -> Iterator[Outcome]:
+        """Outcomes of the recordings, in the order in which they end; at the end of the iteration all processes end.
+
+        Raises
+        ------
+        RuntimeError
+            If a process cannot start.
+        """
+        pickled = pickle.dumps(job)
+        left, crashes = deque(numbers), Counter[int]()
+        workers: list[_WorkerHandle] = []
+        with selectors.DefaultSelector() as ready:
+
+            def end(worker: _WorkerHandle, patience: float = 0.0) -> int:
+                ready.unregister(worker.answers)
+                workers.remove(worker)
+                return worker.end(patience)
+
+            try:
+                while left or any(each.number is not None for each in workers):
+                    for worker in [each for each in workers if each.number is None and left]:
+                        worker.give(left.popleft())
+                    while left and len(workers) < self.workers:
+                        worker = _WorkerHandle(pickled, self._environment())
+                        workers.append(worker)
+                        ready.register(worker.answers, selectors.EVENT_READ, worker)
+                        worker.give(left.popleft())
+                    for key, _ in ready.select():
+                        worker, number = key.data, key.data.number
+                        line = worker.answers.readline()
+                        if line == f"{READY}\n".encode():
+                            worker.started = True
+                        elif line.endswith(b"\n"):
+                            outcome = Outcome.from_dict(json.loads(line))
+                            worker.number = None
+                            if outcome.memory > self._max_memory:
+                                end(worker)
+                            yield outcome
+                        else:
+                            started, code = worker.started, end(worker, PATIENCE)
+                            if not started:
+                                raise RuntimeError(f"a worker could not start: {_exit_text(code)}; see its message")
+                            if number is None:  # between two recordings
+                                continue
+                            crashes[number] += 1
+                            if crashes[number] < MAX_CRASHES:
+                                left.appendleft(number)
+                            else:
+                                yield Outcome(number, "crashed", f"{MAX_CRASHES} workers ended: {_exit_text(code)}")
+            finally:
+                for worker in list(workers):
+                    end(worker)
+
+    def _environment(self) -> dict[str, str]:
+        path = os.pathsep.join(each or os.getcwd() for each in sys.path)
+        return {**os.environ, **ONE_THREAD, **({} if self._gpu else WITHOUT_GPU), "PYTHONPATH": path}
+
+
+def _exit_text(code: int) -> str:
+    if code >= 0:
+        return f"exit code {code}"
+    name = signal.Signals(-code).name if -code in list(signal.Signals) else str(code)
+    return f"signal {name}" + (", often want of memory: take fewer workers" if name == "SIGKILL" else "")
+
+
+class _WorkerHandle:
+    """One process, seen from the driver."""
+
+    def __init__(self, job: bytes, environment: dict[str, str]) -> None:
+        # Linux ends a process with the thread that started it, which only the main thread outlives.
+        flags = ["--end-with-parent"] if threading.current_thread() is threading.main_thread() else []
+        command = [sys.executable, "-m", "rfgen_sionna.recipes.worker_process", *flags]
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, bufsize=0
+        )
+        self.number: int | None = None
+        self.started = False
+        self.answers: Any = self._process.stdout
+        self._send(f"{len(job)}\n".encode() + job)
+
+    def give(self, number: int) -> None:
+        """Let it make a recording."""
+        self.number = number
+        self._send(f"{number}\n".encode())
+
+    def _send(self, data: bytes) -> None:
+        stream: Any = self._process.stdin
+        with suppress(BrokenPipeError):  # its end is seen at its answers
+            while data:
+                data = data[stream.write(data) :]
+
+    def end(self, patience: float) -> int:
+        """End it, and return its exit code; it is killed after the patience [s]."""
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                with suppress(OSError):
+                    stream.close()
+        with suppress(subprocess.TimeoutExpired):
+            return self._process.wait(patience)
+        self._process.kill()
+        return self._process.wait()
