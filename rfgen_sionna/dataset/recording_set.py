@@ -64,9 +64,13 @@ class RecordingSet(ShortRepr):
 
     @cached_property
     def recipe_text(self) -> str:
-        """The recipe (TOML); empty without one."""
+        """The recipe (TOML); empty without one. ChecksumError if it is not the one that was written."""
         path = self.folder / "recipe.toml"
-        return path.read_text(encoding="utf-8") if path.is_file() else ""
+        if not path.is_file():
+            return ""
+        if file_digest(path) != read_sums(self.folder).get(path.name):
+            raise ChecksumError(f"'{path}' is damaged: its checksum is not that in {SUMS}")
+        return path.read_text(encoding="utf-8")
 
     def __len__(self) -> int:
         return len(self.rows)
