@@ -91,9 +91,12 @@ def opened_source(
 
             run = stack.enter_context(open_run(source))
         elif is_recording_set(source):
-            from rfgen_sionna.dataset.recording_set import open_dataset
+            from rfgen_sionna.dataset import open_dataset
 
-            run = stack.enter_context(open_dataset(source)).recording(recording)
+            try:
+                run = stack.enter_context(open_dataset(source)).recording(recording)
+            except KeyError as error:
+                raise ValueError(f"--recording is {recording}: {error.args[0]}") from None
         else:
             raise ValueError(f"--recording is {recording}, and '{source}' is no folder of a data set (no {_INDEX})")
         if radar is not None:

@@ -7,12 +7,47 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.dataset import ActorRecord, RunFormatError
 from rfgen_sionna.generative.motion.skeleton import JOINT, JOINT_NAMES, PARENTS
 from rfgen_sionna.show.displayable import Displayable
-from rfgen_sionna.show.scene_plot import DecimatedMesh
 
 Points = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class DecimatedMesh:
+    """Mesh decimated by vertex clustering: vertices within one cell of a grid become one."""
+
+    group: NDArray[np.int64]
+    """(vertex,) number of each vertex' cluster."""
+    faces: NDArray[np.int64]
+    """(face, 3) numbers of clusters."""
+
+    @classmethod
+    def of(cls, actor: ActorRecord, most: int = 6000) -> DecimatedMesh:
+        """Decimated mesh of an actor with at most `most` faces."""
+        vertices = actor.vertices(0).astype(np.float64)
+        cell = 0.0
+        group = np.arange(len(vertices))
+        faces = actor.faces.astype(np.int64)
+        while len(faces) > most:
+            cell = 1.3 * cell if cell else 0.004 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+            _, group = np.unique(np.floor(vertices / cell), axis=0, return_inverse=True)
+            group = group.reshape(-1)
+            faces = group[actor.faces]
+            distinct = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+            faces = np.unique(faces[distinct], axis=0)
+        return cls(group, faces)
+
+    def points(self, vertices: NDArray[np.float32]) -> FloatArray:
+        """(cluster, 3) mean positions of the clusters [m] for the actor's `vertices`."""
+        count = np.bincount(self.group)
+        return np.stack([np.bincount(self.group, vertices[:, axis]) / count for axis in range(3)], axis=1)
+
+    def corners(self, vertices: NDArray[np.float32]) -> FloatArray:
+        """(face, 3, 3) corner positions [m] for the actor's `vertices`."""
+        return np.asarray(self.points(vertices)[self.faces])
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,15 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.dataset import Run, check_output, open_run
+from rfgen_sionna.dataset import Run, check_output, open_dataset, open_run
 from rfgen_sionna.processing.spectrum import watts_to_dbm
 from rfgen_sionna.show.actor_shapes import ActorShape, actor_shapes
 from rfgen_sionna.show.displayable import Displayable
 from rfgen_sionna.show.mesh_sheet import shaded_picture
 from rfgen_sionna.show.page import velocity_limit
-from rfgen_sionna.show.run_view import FrameView, NoPictureError, RunView
+from rfgen_sionna.show.run_view import FrameView, NoPictureError, RunView, display_range
 from rfgen_sionna.show.style import INK, LEVEL_MAP, MUTED, VELOCITY_MAP, edges, level_limits
-from rfgen_sionna.show.viewer_frames import viewed_frame, viewed_range, viewed_run
+from rfgen_sionna.show.viewer_frames import viewed_frame, viewed_run
 
 _TILE, _COLUMNS = 1.42, 2
 """Width and height of a picture [inch]; recordings side by side."""
@@ -73,8 +73,6 @@ def draw_dataset_sheet(
     ValueError
         If `count` is not positive or `output` has an unknown suffix.
     """
-    from rfgen_sionna.dataset.recording_set import open_dataset
-
     if count < 1:
         raise ValueError(f"count is {count}: at least one recording is needed")
     _check_picture(output, overwrite)
@@ -194,7 +192,7 @@ def _draw_run(tiles: Sequence[Axes], source: Displayable, *, first: bool) -> Non
         _draw_shapes(tiles[0], run, shapes, 0)
         return
     _draw_shapes(tiles[0], run, shapes, whole.most_active_frame)
-    far = viewed_range(run, shapes)
+    far = max(display_range(run, frame, shapes) for frame in (0, len(run) - 1))
     if view.range_doppler.size:
         _draw_range_doppler(tiles[1], view, far)
     if whole.doppler_time.power.size:

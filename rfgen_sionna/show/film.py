@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from rfgen_sionna.dataset import check_output
+from rfgen_sionna.show.actor_shapes import actor_shapes
 from rfgen_sionna.show.displayable import Displayable, displayed
 from rfgen_sionna.show.page import headline, velocity_limit
 from rfgen_sionna.show.panels import draw_range_doppler
 from rfgen_sionna.show.run_view import display_range, view_frame
-from rfgen_sionna.show.scene_plot import DecimatedMesh, PlotLimits, draw_scene
+from rfgen_sionna.show.scene_plot import PlotLimits, draw_scene
 from rfgen_sionna.show.style import INK
 from rfgen_sionna.signal.formats import Capture
 
@@ -78,10 +79,10 @@ def animation(
 
 def _pictures(run: Displayable, dpi: int, progress: Callable[[int, int], None] | None) -> list[Picture]:
     """One picture a frame, all with the same limits and colours."""
-    limits = PlotLimits.of(run)
-    meshes = {name: DecimatedMesh.of(actor) for name, actor in run.actors.items()}
+    shapes = actor_shapes(run)
+    limits = PlotLimits.of(run, shapes)
     views = [view_frame(run, frame, static=False) for frame in range(len(run))]
-    far = max(display_range(run, frame) for frame in (0, len(run) - 1))
+    far = max(display_range(run, frame, shapes) for frame in (0, len(run) - 1))
     speed = velocity_limit(np.concatenate([view.cloud.velocity for view in views]))
     top = float(np.ceil(max(view.range_doppler.max() for view in views)))
     pictures = []
@@ -89,7 +90,7 @@ def _pictures(run: Displayable, dpi: int, progress: Callable[[int, int], None] |
         page = Figure(figsize=(11, 5), dpi=dpi, facecolor="white")
         canvas = FigureCanvasAgg(page)
         space = cast(Axes3D, page.add_axes((0.0, -0.02, 0.56, 0.88), projection="3d"))
-        draw_scene(page, space, run, frame, view.cloud, limits=limits, meshes=meshes, speed=speed, zoom=1.4)
+        draw_scene(page, space, run, frame, view.cloud, limits=limits, shapes=shapes, speed=speed, zoom=1.4)
         draw_range_doppler(page, page.add_axes((0.61, 0.13, 0.3, 0.7)), view, far, top)
         page.text(0.015, 0.945, headline(run), fontsize=12.5, fontweight="bold", color=INK)
         page.text(0.985, 0.945, f"{run.frame_times[frame]:.2f} s", fontsize=12, color=INK, ha="right")

@@ -14,10 +14,11 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
 
 from rfgen_sionna.dataset import check_output
 from rfgen_sionna.show import panels
+from rfgen_sionna.show.actor_shapes import actor_shapes
 from rfgen_sionna.show.displayable import Displayable, displayed
 from rfgen_sionna.show.run_summary import radar_line
 from rfgen_sionna.show.run_view import check_frame, display_range, view_frame, view_run
-from rfgen_sionna.show.scene_plot import DecimatedMesh, PlotLimits, draw_scene
+from rfgen_sionna.show.scene_plot import PlotLimits, draw_scene
 from rfgen_sionna.show.style import INK, MUTED
 from rfgen_sionna.signal.formats import Capture
 
@@ -74,7 +75,8 @@ def _draw(run: Displayable, frame: int | None) -> Figure:
     whole = view_run(run)
     frame = whole.most_active_frame if frame is None else frame
     view = view_frame(run, frame)
-    far = display_range(run, frame)
+    shapes = actor_shapes(run, 12000)
+    far = display_range(run, frame, shapes)
     page = Figure(figsize=(16, 10.5), facecolor="white")
     engine = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, hspace=0.03, wspace=0.02, rect=(0, 0, 1, 0.945))
     page.set_layout_engine(engine)
@@ -91,8 +93,7 @@ def _draw(run: Displayable, frame: int | None) -> Figure:
     panels.draw_azimuth(page, page.add_subplot(maps[0, 1]), view, far)
     space = cast(Axes3D, page.add_subplot(top[:, 1], projection="3d"))
     draw_scene(
-        page, space, run, frame, view.cloud, limits=PlotLimits.of(run),
-        meshes={name: DecimatedMesh.of(actor, 12000) for name, actor in run.actors.items()},
+        page, space, run, frame, view.cloud, limits=PlotLimits.of(run, shapes), shapes=shapes,
         speed=velocity_limit(view.cloud.velocity),
     )  # fmt: skip
     times = rows[2].subgridspec(1, 2)

@@ -18,9 +18,9 @@ from rfgen_sionna.show.level_pictures import MOST_COLUMNS, MOST_PIXELS, cell_spa
 from rfgen_sionna.show.page import headline, velocity_limit
 from rfgen_sionna.show.panels import symmetric_limit
 from rfgen_sionna.show.run_summary import radar_line
-from rfgen_sionna.show.run_view import FrameView, RunView
+from rfgen_sionna.show.run_view import FrameView, RunView, display_range
 from rfgen_sionna.show.style import DELAY_MAP, LEVEL_MAP, VELOCITY_MAP, level_limits
-from rfgen_sionna.show.viewer_frames import viewed_frame, viewed_range, viewed_run
+from rfgen_sionna.show.viewer_frames import viewed_frame, viewed_run
 
 Progress = Callable[[int, int], None]
 Arrays = dict[str, NDArray[Any]]
@@ -58,8 +58,9 @@ def page_data(
         if progress is not None:
             progress(number + 1, len(frames))
     whole, shapes = viewed_run(run), actor_shapes(run)
-    far = viewed_range(run, shapes)
-    low, high = _limits(run, shapes, frames)
+    far = max(display_range(run, frame, shapes) for frame in (0, len(run) - 1))
+    tracks = [_Track.of(shape, frames) for shape in shapes]
+    low, high = _limits(run, tracks)
     header: dict[str, Any] = {
         "title": headline(run),
         "radar": radar_line(run),
@@ -79,7 +80,7 @@ def page_data(
     }
     arrays: Arrays = {}
     header["start"] = int(np.searchsorted(frames, whole.most_active_frame, side="right")) - 1
-    header["actors"] = [_actor(shape, frames, low, high, arrays, f"actor{k}") for k, shape in enumerate(shapes)]
+    header["actors"] = [_actor(track, low, high, arrays, f"actor{k}") for k, track in enumerate(tracks)]
     header["cloud"] = _cloud(views, arrays)
     header["rangeDoppler"] = _range_doppler(views, far, arrays) if views[0].range_doppler.size else None
     header["spectrograms"] = [
@@ -90,31 +91,42 @@ def page_data(
     return PageData(header, arrays)
 
 
-def _limits(run: Displayable, shapes: Sequence[ActorShape], frames: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+@dataclass(frozen=True)
+class _Track:
+    """Positions of an actor in all frames of a page [m]."""
+
+    shape: ActorShape
+    mesh: NDArray[np.float32]
+    """(frame, point, 3)"""
+    joints: NDArray[np.float32]
+    """(frame, joint, 3)"""
+
+    @classmethod
+    def of(cls, shape: ActorShape, frames: Sequence[int]) -> _Track:
+        return cls(shape, *(np.stack([read(frame) for frame in frames]) for read in (shape.mesh, shape.joints)))
+
+
+def _limits(run: Displayable, tracks: Sequence[_Track]) -> tuple[FloatArray, FloatArray]:
     """Least and largest coordinates [m] of the radar and the actors, with a margin."""
     places: list[NDArray[np.floating[Any]]] = [np.asarray(run.radar.position, np.float64)[None]]
-    places += [points for shape in shapes for frame in frames if len(points := shape.points(frame))]
+    places += [each.reshape(-1, 3) for track in tracks for each in (track.mesh, track.joints) if each.size]
     if len(places) == 1:
         reach = run.radar.max_range / 2
         corners = reach * np.array([[1, y, z] for y in (-0.5, 0.5) for z in (-0.25, 0.25)])
         places.append(places[0] + corners @ run.radar.rotation.T)
-    low = np.min([place.min(axis=0) for place in places], axis=0) - 0.3
+    low = np.min([place.min(axis=0) for place in places], axis=0)
     high = np.max([place.max(axis=0) for place in places], axis=0) + 0.3
-    if shapes and abs(low[2] + 0.3) < 0.6:  # the floor is at 0
-        low[2] = min(0.0, low[2] + 0.3)
-    return low, high
+    floor = min(float(low[2]), 0.0) if tracks and low[2] < 0.6 else float(low[2]) - 0.3
+    return np.array([low[0] - 0.3, low[1] - 0.3, floor]), high
 
 
-def _actor(
-    shape: ActorShape, frames: Sequence[int], low: FloatArray, high: FloatArray, arrays: Arrays, name: str
-) -> dict[str, Any]:
-    def fractions(points: Sequence[NDArray[np.float32]]) -> NDArray[np.uint16]:
-        return np.rint((np.stack(points) - low) / (high - low) * 65535).clip(0, 65535).astype(np.uint16)
+def _actor(track: _Track, low: FloatArray, high: FloatArray, arrays: Arrays, name: str) -> dict[str, Any]:
+    def fractions(points: NDArray[np.float32]) -> NDArray[np.uint16]:
+        return np.rint((points - low) / (high - low) * 65535).clip(0, 65535).astype(np.uint16)
 
-    arrays[f"{name}.mesh"] = fractions([shape.mesh(frame) for frame in frames])
-    arrays[f"{name}.joints"] = fractions([shape.joints(frame) for frame in frames])
-    arrays[f"{name}.faces"] = shape.faces.astype(np.uint16)
-    arrays[f"{name}.bones"] = shape.bones.astype(np.uint16)
+    shape = track.shape
+    arrays[f"{name}.mesh"], arrays[f"{name}.joints"] = fractions(track.mesh), fractions(track.joints)
+    arrays[f"{name}.faces"], arrays[f"{name}.bones"] = shape.faces.astype(np.uint16), shape.bones.astype(np.uint16)
     return {"name": shape.name, "material": shape.material, "array": name}
 
 
@@ -130,10 +142,10 @@ def _range_doppler(views: Sequence[FrameView], far: float, arrays: Arrays) -> di
     rows = views[0].range <= far
     level = np.stack([reduced(view.range_doppler[rows]) for view in views])
     low, high = level_limits(level)
-    arrays["rangeDoppler"] = level_bytes(level[:, ::-1], low, high)
+    arrays["range_doppler"] = level_bytes(level[:, ::-1], low, high)
     note = "static included" if views[0].static else "static removed"
     return {
-        "title": "Range–Doppler", "note": note, "array": "rangeDoppler", "map": LEVEL_MAP,
+        "title": "Range–Doppler", "note": note, "array": "range_doppler", "map": LEVEL_MAP,
         "x": cell_span(views[0].velocity), "y": cell_span(views[0].range[rows]), "xLabel": "radial velocity [m/s]",
         "yLabel": "range [m]", "limits": [low, high], "unit": views[0].unit,
     }  # fmt: skip
@@ -142,14 +154,14 @@ def _range_doppler(views: Sequence[FrameView], far: float, arrays: Arrays) -> di
 def _range_time(run: Displayable, whole: RunView, far: float, arrays: Arrays) -> dict[str, Any]:
     spectrum = whole.range_time
     near = spectrum.range <= far
-    picture = _over_time(spectrum.power[:, near], spectrum.time, whole, "rangeTime", arrays)
+    picture = _over_time(spectrum.power[:, near], spectrum.time, whole, "range_time", arrays)
     limits = {"y": cell_span(spectrum.range[near]), "yLabel": "range [m]", "line": _truth(run, "distance")}
     return picture | limits | {"title": "Range–time", "note": "static included" if whole.static else "static removed"}
 
 
 def _doppler_time(run: Displayable, whole: RunView, arrays: Arrays) -> dict[str, Any]:
     spectrum = whole.doppler_time
-    picture = _over_time(spectrum.power, spectrum.time, whole, "dopplerTime", arrays)
+    picture = _over_time(spectrum.power, spectrum.time, whole, "doppler_time", arrays)
     truth = _truth(run, "radial_velocity")
     limits = {"y": cell_span(spectrum.velocity), "yLabel": "radial velocity [m/s]", "line": truth}
     note = f"{'one spectrum a frame' if whole.per_frame else 'short-time transform'}, static removed"
@@ -193,13 +205,13 @@ def _pir(run: Displayable, frames: Sequence[int], arrays: Arrays) -> list[dict[s
     found = []
     for name, title, unit, image, colours, limits in (
         ("energy", "PIR energy", "dB", level, LEVEL_MAP, level_limits(level, 60.0, margin=15.0)),
-        ("delay", "PIR time of arrival", "ns", delay * 1e9, DELAY_MAP, (near, max(far, near + 1e-3))),
-        ("speed", "PIR velocity", "m/s", np.where(there, speed, np.nan), VELOCITY_MAP, (-fastest, fastest)),
+        ("time_of_arrival", "PIR time of arrival", "ns", delay * 1e9, DELAY_MAP, (near, max(far, near + 1e-3))),
+        ("velocity", "PIR velocity", "m/s", np.where(there, speed, np.nan), VELOCITY_MAP, (-fastest, fastest)),
     ):
-        arrays[f"pir.{name}"] = level_bytes(image, *limits)
+        arrays[f"pir/{name}"] = level_bytes(image, *limits)
         found.append(
             {
-                "title": title, "array": f"pir.{name}", "map": colours, "x": [half[0], -half[0]],
+                "title": title, "array": f"pir/{name}", "map": colours, "x": [half[0], -half[0]],
                 "y": [-half[1], half[1]], "limits": list(map(float, limits)), "unit": unit, "tangent": flat,
                 "xLabel": "azimuth [°]", "yLabel": "elevation [°]", "square": True, "empty": True,
             }

@@ -119,18 +119,18 @@ def _layout(run: Displayable) -> Any:
     """Views: the scene, the maps and the texts, and below them what goes over time."""
     import rerun.blueprint as rrb
 
-    maps: list[Any] = [rrb.Spatial2DView(origin="rangeDoppler", name="Range–Doppler")]
+    maps: list[Any] = [rrb.Spatial2DView(origin="range_doppler", name="Range–Doppler")]
     if run.has_pir:
-        names = {"energy": "PIR energy", "delay": "PIR time of arrival", "speed": "PIR velocity"}
-        maps.append(rrb.Tabs(*(rrb.Spatial2DView(origin=f"pir.{key}", name=name) for key, name in names.items())))
+        names = {"energy": "PIR energy", "time_of_arrival": "PIR time of arrival", "velocity": "PIR velocity"}
+        maps.append(rrb.Tabs(*(rrb.Spatial2DView(origin=f"pir/{key}", name=name) for key, name in names.items())))
     texts = rrb.Tabs(
         rrb.TextDocumentView(origin="texts/labels", name="Labels"),
         rrb.TextDocumentView(origin="texts/report", name="Report"),
     )
     scene = rrb.Spatial3DView(origin="world", name="Scene")
     over_time = [
-        rrb.Spatial2DView(origin="dopplerTime", name="Doppler–time"),
-        rrb.Spatial2DView(origin="rangeTime", name="Range–time"),
+        rrb.Spatial2DView(origin="doppler_time", name="Doppler–time"),
+        rrb.Spatial2DView(origin="range_time", name="Range–time"),
         rrb.TimeSeriesView(origin="labels", name="Labels over time"),
     ]
     upper = rrb.Horizontal(scene, rrb.Vertical(*maps), texts, column_shares=[3, 2, 1.4])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,7 @@ from rfgen_sionna.processing.pointcloud import PointCloud, point_cloud
 from rfgen_sionna.processing.spectrogram import DopplerTime, RangeTime, doppler_time, micro_doppler, range_time
 from rfgen_sionna.processing.spectrum import range_axis, range_doppler, watts_to_dbm
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.show.actor_shapes import ActorShape, actor_shapes
 from rfgen_sionna.show.displayable import Displayable, power_unit
 
 
@@ -138,16 +140,19 @@ def view_frame(run: Displayable, frame: int, *, static: bool = True) -> FrameVie
     )  # fmt: skip
 
 
-def display_range(run: Displayable, frame: int) -> float:
-    """Largest range in pictures [m]: of the PIR's farthest return, else beyond the actors, else the radar's."""
+def display_range(run: Displayable, frame: int, shapes: Sequence[ActorShape] | None = None) -> float:
+    """Largest range in pictures [m]: of the PIR's farthest return, else beyond the actors' `shapes`, else the
+    radar's. None takes the shapes from the run."""
     limit = run.radar.max_range
     if run.has_pir:
         delay = run.pir(frame).time_of_arrival
         if np.any(np.isfinite(delay)):
             return float(min(limit, 1.05 * np.nanmax(delay) * SPEED_OF_LIGHT / 2))
-    distances = [
-        np.linalg.norm(actor.vertices(index) - np.asarray(run.radar.position), axis=1).max()
-        for actor in run.actors.values()
+    places = [
+        points
+        for shape in (actor_shapes(run) if shapes is None else shapes)
         for index in {0, frame, len(run) - 1}
+        if len(points := shape.points(index))
     ]
+    distances = [np.linalg.norm(points - np.asarray(run.radar.position), axis=1).max() for points in places]
     return float(min(limit, 1.5 * max(distances))) if distances else limit

@@ -2,59 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection  # type: ignore[import-untyped]
 from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
-from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.dataset import ActorRecord
 from rfgen_sionna.processing.pointcloud import PointCloud
+from rfgen_sionna.show.actor_shapes import ActorShape
 from rfgen_sionna.show.displayable import Displayable
 from rfgen_sionna.show.panels import ACCENT
 from rfgen_sionna.show.style import INK, MUTED, VELOCITY_MAP, titled
 
 BODY_COLOUR = np.array([0.72, 0.76, 0.81])
-
-
-@dataclass(frozen=True)
-class DecimatedMesh:
-    """Mesh decimated by vertex clustering: vertices within one cell of a grid become one."""
-
-    group: NDArray[np.int64]
-    """(vertex,) number of each vertex' cluster."""
-    faces: NDArray[np.int64]
-    """(face, 3) numbers of clusters."""
-
-    @classmethod
-    def of(cls, actor: ActorRecord, most: int = 6000) -> DecimatedMesh:
-        """Decimated mesh of an actor with at most `most` faces."""
-        vertices = actor.vertices(0).astype(np.float64)
-        cell = 0.0
-        group = np.arange(len(vertices))
-        faces = actor.faces.astype(np.int64)
-        while len(faces) > most:
-            cell = 1.3 * cell if cell else 0.004 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-            _, group = np.unique(np.floor(vertices / cell), axis=0, return_inverse=True)
-            group = group.reshape(-1)
-            faces = group[actor.faces]
-            distinct = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-            faces = np.unique(faces[distinct], axis=0)
-        return cls(group, faces)
-
-    def points(self, vertices: NDArray[np.float32]) -> FloatArray:
-        """(cluster, 3) mean positions of the clusters [m] for the actor's `vertices`."""
-        count = np.bincount(self.group)
-        return np.stack([np.bincount(self.group, vertices[:, axis]) / count for axis in range(3)], axis=1)
-
-    def corners(self, vertices: NDArray[np.float32]) -> FloatArray:
-        """(face, 3, 3) corner positions [m] for the actor's `vertices`."""
-        return np.asarray(self.points(vertices)[self.faces])
 
 
 @dataclass(frozen=True)
@@ -65,12 +30,13 @@ class PlotLimits:
     high: FloatArray
 
     @classmethod
-    def of(cls, run: Displayable) -> PlotLimits:
-        """Limits around the radar and the actors in all frames."""
-        places = [np.asarray(run.radar.position, np.float64)[None]]
-        for actor in run.actors.values():
-            places += [actor.vertices(frame).astype(np.float64) for frame in range(len(run))]
-        if not run.actors:
+    def of(cls, run: Displayable, shapes: Sequence[ActorShape]) -> PlotLimits:
+        """Limits around the radar and the actors' shapes in all frames."""
+        places: list[FloatArray] = [np.asarray(run.radar.position, np.float64)[None]]
+        for shape in shapes:
+            places += [shape.points(frame).astype(np.float64) for frame in range(len(run))]
+        places = [each for each in places if len(each)]
+        if len(places) == 1:
             reach = run.radar.max_range / 2
             corners = reach * np.array([[1, y, z] for y in (-0.5, 0.5) for z in (-0.25, 0.25)])
             places.append(places[0] + corners @ run.radar.rotation.T)
@@ -92,11 +58,11 @@ def draw_scene(
     cloud: PointCloud,
     *,
     limits: PlotLimits,
-    meshes: dict[str, DecimatedMesh],
+    shapes: Sequence[ActorShape],
     speed: float,
     zoom: float = 1.15,
 ) -> None:
-    """Meshes, radar and point cloud of one frame; colours are radial velocities up to ±`speed` [m/s].
+    """Meshes or joints, radar and point cloud of one frame; colours are radial velocities up to ±`speed` [m/s].
 
     Parameters
     ----------
@@ -108,8 +74,8 @@ def draw_scene(
         Detections.
     limits
         Limits of the axes.
-    meshes
-        Decimated meshes by the actors' names.
+    shapes
+        Shapes of the actors.
     speed
         Limit of the velocity colours [m/s].
     zoom
@@ -119,8 +85,12 @@ def draw_scene(
     yaw = np.degrees(radar.orientation[0])
     # From behind and above, a little to the right of the radar: its left is left in the picture.
     axes.view_init(elev=20, azim=float(yaw + 180 + 35))
-    for actor in run.actors.values():
-        _mesh(axes, meshes[actor.name].corners(actor.vertices(frame)))
+    for shape in shapes:
+        if len(shape.faces):
+            _mesh(axes, shape.mesh(frame)[shape.faces].astype(np.float64))
+        else:
+            joints = shape.joints(frame)
+            axes.add_collection3d(Line3DCollection(joints[shape.bones], colors=INK, linewidths=1.0, zorder=3))
     here = np.asarray(radar.position)
     ahead = here + 0.35 * radar.rotation[:, 0]
     axes.plot(*np.stack([here, ahead], axis=1), color=ACCENT, linewidth=1.6, zorder=4)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -12,9 +12,8 @@ from rfgen_sionna.dataset.representations import POINT_FIELDS
 from rfgen_sionna.processing.pointcloud import PointCloud
 from rfgen_sionna.processing.spectrogram import DopplerTime, RangeTime
 from rfgen_sionna.processing.spectrum import watts_to_dbm
-from rfgen_sionna.show.actor_shapes import ActorShape
 from rfgen_sionna.show.displayable import Displayable
-from rfgen_sionna.show.run_view import FrameView, RunView, display_range, view_frame, view_run
+from rfgen_sionna.show.run_view import FrameView, RunView, view_frame, view_run
 
 
 def viewed_frame(run: Displayable, frame: int) -> FrameView:
@@ -51,17 +50,6 @@ def viewed_run(run: Displayable) -> RunView:
     moments = (times[:, None] + windows).ravel()
     doppler = DopplerTime(spectra.reshape(len(moments), -1), moments, speed, 0.0)
     return RunView(RangeTime(power, times, distance), doppler, False, 0, static=True)
-
-
-def viewed_range(run: Displayable, shapes: Sequence[ActorShape]) -> float:
-    """Largest range in pictures [m]: of the PIR's farthest return, else beyond the actors, else the radar's."""
-    limit, last = run.radar.max_range, len(run) - 1
-    if run.has_pir:
-        return max(display_range(run, frame) for frame in (0, last))
-    here = np.asarray(run.radar.position)
-    places = [points for shape in shapes for frame in (0, last) if len(points := shape.points(frame))]
-    distances = [float(np.linalg.norm(points - here, axis=1).max()) for points in places]
-    return min(limit, 1.5 * max(distances)) if distances else limit
 
 
 def _cloud(run: Run, points: Mapping[str, FloatArray]) -> PointCloud:

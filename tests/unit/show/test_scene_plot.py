@@ -8,8 +8,9 @@ import trimesh
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import proj3d
 
+from rfgen_sionna.show.actor_shapes import DecimatedMesh, actor_shapes
 from rfgen_sionna.show.run_view import view_frame
-from rfgen_sionna.show.scene_plot import DecimatedMesh, PlotLimits, draw_scene
+from rfgen_sionna.show.scene_plot import PlotLimits, draw_scene
 
 
 def record(mesh):
@@ -36,7 +37,8 @@ def test_a_small_mesh_stays_as_it_is():
 
 
 def test_the_limits_hold_radar_and_actors_and_left_is_left(run):
-    limits = PlotLimits.of(run)
+    shapes = actor_shapes(run)
+    limits = PlotLimits.of(run, shapes)
     for place in (run.radar.position, *run.actors["ball"].vertices(3)):
         assert np.all(place >= limits.low)
         assert np.all(place <= limits.high)
@@ -50,7 +52,7 @@ def test_the_limits_hold_radar_and_actors_and_left_is_left(run):
         0,
         view.cloud,
         limits=limits,
-        meshes={"ball": DecimatedMesh.of(run.actors["ball"])},
+        shapes=shapes,
         speed=1.0,
     )
     figure.draw_without_rendering()
