@@ -377,7 +377,7 @@ def _contents(plan: RunPlan, frame: Frame) -> dict[str, Any]:
 
 
 def _check_space(target: Path, plans: Mapping[str, RunPlan]) -> None:
-    """ValueError if the disk of `target` has no room for the frames; paths and representations are left out."""
+    """DiskSpaceError if the disk of `target` has no room for the frames; paths and representations are left out."""
     needed = 0
     for plan in plans.values():
         radar, actors = plan.info.radar, plan.info.actors

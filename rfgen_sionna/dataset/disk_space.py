@@ -15,10 +15,6 @@ class DiskSpaceError(ValueError):
     """A file that its disk has no room for."""
 
 
-class DiskSpaceError(ValueError):
-    """A disk has no room for a file."""
-
-
 def frame_bytes(radar: Radar, pir_resolution: tuple[int, int] | None = None) -> int:
     """Size of the samples and the image of one frame in a file [bytes]."""
     return np.dtype(radar.sample_type).itemsize * math.prod(radar.frame_shape) + image_bytes(pir_resolution)

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class KeptThing:
-    """Something that a run can keep."""
+class StoredContent:
+    """Something that a run can store."""
 
     meaning: str
     dims: tuple[str, ...] = ()
@@ -35,31 +35,31 @@ class KeptThing:
     """Path of the array within the run."""
 
 
-KEPT: dict[str, KeptThing] = {
-    "adc": KeptThing("samples of the ADC", ("frame", "chirp", "tx", "rx", "sample"), "sqrt(W)", "adc"),
-    "range_doppler": KeptThing(
+KEPT: dict[str, StoredContent] = {
+    "adc": StoredContent("samples of the ADC", ("frame", "chirp", "tx", "rx", "sample"), "sqrt(W)", "adc"),
+    "range_doppler": StoredContent(
         "power against range and radial velocity, mean over the channels, static returns included",
         ("frame", "range", "velocity"), "W", "range_doppler/power",
     ),
-    "drai": KeptThing(
+    "drai": StoredContent(
         "dynamic range-angle image: power of moving returns against range and azimuth, 32 x 32",
         ("frame", "range", "angle"), "W", "drai/power",
     ),
-    "micro_doppler": KeptThing(
+    "micro_doppler": StoredContent(
         "short-time Doppler spectra of windows within each frame, static returns removed, summed over range",
         ("frame", "window", "velocity"), "W", "micro_doppler/power",
     ),
-    "point_cloud": KeptThing(
+    "point_cloud": StoredContent(
         "detections of moving returns, strongest first, with row_splits", ("point", "field"), "", "point_cloud/points",
     ),
-    "pir": KeptThing(
+    "pir": StoredContent(
         "images of energy, time of arrival and velocity", ("frame", "channel", "row", "column"), "", "pir/image"
     ),
-    "vertices": KeptThing("vertices of the mesh of every actor, and its faces"),
-    "body": KeptThing("parameters that rebuild the mesh of every actor: shape once, pose in every frame"),
-    "joints": KeptThing("joint positions of actors with a skeleton"),
-    "labels": KeptThing("ground truth of every actor"),
-    "paths": KeptThing("propagation paths, from which other radars of the same array take their samples"),
+    "vertices": StoredContent("vertices of the mesh of every actor, and its faces"),
+    "body": StoredContent("parameters that rebuild the mesh of every actor: shape once, pose in every frame"),
+    "joints": StoredContent("joint positions of actors with a skeleton"),
+    "labels": StoredContent("ground truth of every actor"),
+    "paths": StoredContent("propagation paths, from which other radars of the same array take their samples"),
 }  # fmt: skip
 """Names of what a run can keep -> meaning, axes and units."""
 
