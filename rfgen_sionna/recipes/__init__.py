@@ -9,17 +9,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rfgen_sionna.recipes.planning import Plan, plan_dataset
     from rfgen_sionna.recipes.recipe import Recipe
     from rfgen_sionna.recipes.recipe_error import RecipeError
     from rfgen_sionna.recipes.recording_spec import BodySpec, RadarSpec, RecordingSpec, SourceSpec
 
 _HOME = {
+    "Plan": "planning", "plan_dataset": "planning",
     "BodySpec": "recording_spec",
     "RadarSpec": "recording_spec", "Recipe": "recipe", "RecipeError": "recipe_error", "RecordingSpec": "recording_spec",
     "SourceSpec": "recording_spec",
 }  # fmt: skip
 
-__all__ = ["BodySpec", "RadarSpec", "Recipe", "RecipeError", "RecordingSpec", "SourceSpec"]
+__all__ = ["BodySpec", "Plan", "RadarSpec", "Recipe", "RecipeError", "RecordingSpec", "SourceSpec", "plan_dataset"]
 
 
 def __getattr__(name: str) -> Any:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.dataset.representations import KEPT, checked_keep, representation_arrays
+from rfgen_sionna.dataset.representations import checked_keep, representation_arrays
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE
 from rfgen_sionna.generative.radar_placement import NEAREST, place_before_radar
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.recipes.recipe_error import RecipeError, faults_of
 from rfgen_sionna.recipes.recipe_places import CHECKED_LAYOUTS, Place, interiors
-from rfgen_sionna.recipes.recipe_sources import check_source_file, source_tables
+from rfgen_sionna.recipes.recipe_sources import changes_freely, check_source_file, source_tables
 from rfgen_sionna.recipes.recipe_tables import MAX_PEOPLE
 from rfgen_sionna.recipes.set_radars import load_radar
 from rfgen_sionna.recipes.value_forms import ValueForm
@@ -52,7 +52,10 @@ def _check_keep(recipe: Recipe) -> None:
     with faults_of("keep"):
         if len(set(keep)) < len(keep):
             raise ValueError(f"{keep} has a name twice")
-        checked_keep([name for name in keep if name != "pir" or name not in KEPT], pictures=True)
+        checked_keep(keep, pictures=True)
+        for source in recipe.sources if "body" in keep else ():
+            if soft := changes_freely(source):
+                raise ValueError(f"'body' is in it, and no parameters rebuild '{soft}': keep 'vertices' instead")
 
 
 def _check_radar(recipe: Recipe, number: int) -> list[Radar]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rfgen_sionna.generative.actor import Actor
 from rfgen_sionna.generative.clip_person import read_clip_prompt
 from rfgen_sionna.generative.motion.importers import MOTION_SUFFIXES, load_any_motion
 from rfgen_sionna.generative.motion.joint_recording import record_joints
@@ -46,6 +47,8 @@ class Source:
     speed_m_s: float = 0.0
     """Speed of a straight way over the floor [m/s]; 0 where there is none."""
 
+    things: tuple[str, ...] = ()
+    """Kinds of the animals and things."""
     open_actions: frozenset[str] = frozenset()
     """All actions that the words leave to the seed."""
 
@@ -107,6 +110,7 @@ def _prompt(text: str, motion: str, duration: float) -> Source:
         _distances([said for reading in readings for said in reading.said]),
         frozenset().union(*map(_traits, people)),
         max(map(_speed, people), default=0.0),
+        tuple(said.target for said in first.said if isinstance(said, ThingPrompt)),
         frozenset(action for said in first.said for action in (*said.choices, said.action)),
     )
 
@@ -130,6 +134,13 @@ def _speed(said: ScenePrompt) -> float:
         return 0.0
     usual = USUAL_SPEEDS.get(said.action, WALKING_SPEED) * (said.speed or 1.0)
     return usual if said.speed_mps is None else said.speed_mps
+
+
+def changes_freely(source: Source) -> str:
+    """Animal, thing or file of a source whose mesh no parameters rebuild; empty if there is none."""
+    if source.spec.kind == "clip" and Path(source.spec.file or "").suffix.lower() not in MOTION_SUFFIXES:
+        return Path(source.spec.file or "").name
+    return next((kind for kind in source.things if not getattr(Actor.thing(kind).sequence, "is_rigid", True)), "")
 
 
 def check_source_file(source: Source) -> None:

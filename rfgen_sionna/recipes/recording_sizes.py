@@ -20,9 +20,9 @@ WORD_BITS = 16
 """Most bits of an ADC whose samples are stored as 16-bit words."""
 IMAGE_PIXELS = (128, 128)
 """Rows and columns of images without a size in the recipe."""
-ACTOR_BYTES = {"vertices": 14_000 * 12, "body": 4_000, "joints": 300, "labels": 300}
+ACTOR_BYTES = {"vertices": 14_000 * 12, "body": 10_000, "joints": 300, "labels": 300}
 """What is kept -> size for each actor and frame [bytes], rounded up; vertices are those of a person."""
-FRAME_BYTES = {"point_cloud": 40_000, "micro_doppler": 40_000, "drai": 4_096, "paths": 4_000_000}
+FRAME_BYTES = {"point_cloud": 40_000, "micro_doppler": 40_000, "drai": 4_096, "paths": 20_000_000}
 """What is kept -> size for each frame [bytes], rounded up."""
 FIXED_BYTES = 200_000
 """Size of settings, axes and names of a recording [bytes]."""
