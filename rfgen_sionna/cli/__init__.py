@@ -1,5 +1,5 @@
 """Command line: `rfgen generate`, `rfgen radars`, `rfgen show`, `rfgen view`, `rfgen export`, `rfgen motions`,
-`rfgen things`, `rfgen bench`."""
+`rfgen things`, `rfgen bench`, `rfgen dataset`."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from rfgen_sionna.cli.benchmark import bench
 from rfgen_sionna.cli.console import err as _err
 from rfgen_sionna.cli.console import out as _out
 from rfgen_sionna.cli.console import warn
+from rfgen_sionna.cli.datasets import datasets
 from rfgen_sionna.cli.generate import EPILOG, generate
 from rfgen_sionna.cli.motions import EPILOG as MOTIONS_EPILOG
 from rfgen_sionna.cli.motions import motions
@@ -77,6 +78,7 @@ app.command(epilog=EXPORT_EPILOG)(export)
 app.command(epilog=MOTIONS_EPILOG)(motions)
 app.command(epilog=THINGS_EPILOG)(things)
 app.command(epilog=BENCH_EPILOG)(bench)
+app.add_typer(datasets, name="dataset")
 
 
 class _LogLines(logging.Handler):

@@ -12,7 +12,7 @@ BuildProgress = Callable[[int, int], None]
 
 
 @contextmanager
-def shown(progress: bool | Callable[[int, int], None] | None, count: int) -> Iterator[BuildProgress]:
+def progress_steps(progress: bool | Callable[[int, int], None] | None, count: int) -> Iterator[BuildProgress]:
     """Context with the function that shows the progress: a bar for True, or a caller's function of the numbers of
     finished recordings and of all."""
     if progress is None or progress is False:

@@ -10,7 +10,7 @@ import logging
 import shutil
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from os import PathLike
@@ -19,13 +19,14 @@ from typing import Any, Literal, Protocol
 
 from rfgen_sionna.dataset.card import CARD, write_card
 from rfgen_sionna.dataset.checksums import read_sums, set_files, write_sums
+from rfgen_sionna.dataset.recording_digest import recording_digest
 from rfgen_sionna.dataset.run_file import open_hdf5
 from rfgen_sionna.dataset.schema import RunFormatError, software_versions
 from rfgen_sionna.dataset.set_index import INDEX, Failure, read_index, write_index
 from rfgen_sionna.dataset.shards import extract_recording, shard_recordings
 from rfgen_sionna.dataset.store import OutputError
 from rfgen_sionna.dataset.verified_files import SUMS
-from rfgen_sionna.recipes.build_progress import BuildProgress, shown
+from rfgen_sionna.recipes.build_progress import BuildProgress, progress_steps
 from rfgen_sionna.recipes.building_folder import BUILDING, RECIPE, SHARDS, BuildingFolder, is_final
 from rfgen_sionna.recipes.outcome import Job, Outcome, is_disk_full
 from rfgen_sionna.recipes.process_engine import LocalProcesses
@@ -127,16 +128,34 @@ def build_dataset(
     numbers = _ordered(order, recipe.count)
     folder.mkdir(parents=True, exist_ok=True)
     state = BuildingFolder(folder, recipe)
-    made_by = _engine(engine, workers, address, gpus_per_worker, state.path)
-    with state.locked(), shown(progress, recipe.count) as step:
+    made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path)
+    with state.locked(), progress_steps(progress, recipe.count) as step:
         job = RecordingJob(recipe, state.path, "cpu" if gpus_per_worker == 0 else "cuda")
         return run_build(state, made_by, job, numbers, step)
 
 
 def run_build(
-    state: BuildingFolder, engine: BuildEngine, job: Job, numbers: Iterable[int], step: BuildProgress
+    state: BuildingFolder,
+    engine: BuildEngine,
+    job: Job,
+    numbers: Iterable[int],
+    step: BuildProgress,
+    digests: Mapping[int, str] | None = None,
 ) -> BuildReport:
     """Make what a locked folder lacks, and end the set.
+
+    Parameters
+    ----------
+    state
+        The folder.
+    engine, job
+        What makes the recordings.
+    numbers
+        All recordings, in the order in which they are begun.
+    step
+        Called after each recording.
+    digests
+        Digests of recordings that are made again; one that differs raises a RunFormatError.
 
     Raises
     ------
@@ -164,6 +183,7 @@ def run_build(
                 warned.update(outcome.warnings)
                 if outcome.kind == "made":
                     made += 1
+                    _check_digest(state, outcome.number, digests or {})
                     done.add(outcome.number)
                 else:
                     failures[outcome.number] = _failure(state, outcome)
@@ -181,6 +201,21 @@ def run_build(
     return BuildReport(
         state.output, count, made, tuple(failures.values()), dict(warned.most_common()), time.monotonic() - begun
     )
+
+
+def _check_digest(state: BuildingFolder, number: int, digests: Mapping[int, str]) -> None:
+    """RunFormatError if a recording that was made again is another one."""
+    wanted, part = digests.get(number), state.part(number)
+    if wanted is None:
+        return
+    with open_hdf5(part) as file:
+        same = recording_digest(file) == wanted
+    if not same:
+        part.unlink()
+        raise RunFormatError(
+            f"recording {number} is not the one that was damaged: '{state.output}' was made by other software, on "
+            "another processor, or with other files; the card of the set names its versions. Nothing was replaced"
+        )
 
 
 def finish(state: BuildingFolder, failures: dict[int, Failure]) -> int:
@@ -312,7 +347,9 @@ def _ordered(order: Order, count: int) -> list[int]:
     return numbers
 
 
-def _engine(name: str, workers: int | None, address: str | None, gpus_per_worker: float, folder: Path) -> BuildEngine:
+def chosen_engine(
+    name: str, workers: int | None, address: str | None, gpus_per_worker: float, folder: Path
+) -> BuildEngine:
     if not (isinstance(gpus_per_worker, int | float) and 0.0 <= gpus_per_worker <= 64.0):
         raise ValueError(f"gpus_per_worker is {gpus_per_worker!r}: a number of at least 0 is needed")
     if name == "processes":

@@ -1,0 +1,205 @@
+"""Repair of data sets: recordings of damaged shards are made again, and files get their old bytes back."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import h5py
+
+from rfgen_sionna.dataset.checksums import Damage, damaged, read_sums
+from rfgen_sionna.dataset.recording_digest import recording_digest
+from rfgen_sionna.dataset.run_file import open_hdf5
+from rfgen_sionna.dataset.schema import RunFormatError
+from rfgen_sionna.dataset.set_index import SetIndex, read_index
+from rfgen_sionna.dataset.shards import extract_recording
+from rfgen_sionna.dataset.verified_files import SUMS
+from rfgen_sionna.recipes.build_progress import progress_steps
+from rfgen_sionna.recipes.building import BuildReport, EngineName, chosen_engine, run_build
+from rfgen_sionna.recipes.building_folder import BUILDING, RECIPE, SHARDS, BuildingFolder, shard_name
+from rfgen_sionna.recipes.outcome import Outcome
+from rfgen_sionna.recipes.process_engine import LocalProcesses
+from rfgen_sionna.recipes.recipe import Recipe
+from rfgen_sionna.recipes.recording_job import RecordingJob, part_name
+
+
+def verify_dataset(folder: str | PathLike[str]) -> list[Damage]:
+    """Files of a set that are not as they were written, down to one byte; none for a whole set.
+
+    Raises
+    ------
+    NotADirectoryError
+        If there is no such folder.
+    ValueError
+        If the folder is no set, or its build has not ended.
+    """
+    path = _set_folder(folder)
+    if (path / BUILDING).is_dir() and not (path / SUMS).is_file():
+        raise ValueError(f"the build of '{path}' has not ended: `rfgen dataset resume {path}` makes the rest")
+    return damaged(path)
+
+
+def repair_dataset(
+    folder: str | PathLike[str],
+    recipe: Recipe | str | PathLike[str] | None = None,
+    *,
+    workers: int | None = None,
+    engine: EngineName = "processes",
+    address: str | None = None,
+    gpus_per_worker: float = 0.0,
+    progress: bool | Callable[[int, int], None] | None = None,
+) -> BuildReport | None:
+    """Give the damaged files of a set their old bytes back; None for a whole set.
+
+    Whole recordings of a damaged shard are taken out of it; the others are made again by the recipe, with the digests
+    that the index has. Index, card, recipe and checksums are written again.
+
+    Parameters
+    ----------
+    folder
+        Folder of the set.
+    recipe
+        The recipe, or its file, where that of the set names files by relative paths, or cannot be found any more.
+    workers, engine, address, gpus_per_worker, progress
+        As of :func:`~rfgen_sionna.recipes.building.build_dataset`.
+
+    Raises
+    ------
+    NotADirectoryError, ValueError
+        If the folder is no set, its build has not ended, or the recipe is of another one.
+    RunFormatError
+        If a recording that is made again is not the one that was damaged.
+    BuildError
+        If the disk is full.
+    """
+    path = _set_folder(folder)
+    found = verify_dataset(path)
+    if not found:
+        return None
+    names = {each.file for each in found}
+    sums, index = _known(path)
+    text = _recipe_text(path, names, sums)
+    chosen = _chosen_recipe(path, recipe, text)
+    state = BuildingFolder(path, chosen)
+    shards = {shard_name(number): number for number in range(state.shard_count)}
+    if unknown := sorted(each for each in names if each.endswith(".h5") and each not in shards):
+        raise ValueError(f"'{path / unknown[0]}' is no shard of this set: move it to another folder")
+    made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path)
+    digests = {row.number: row.digest for row in index.rows} if index else {}
+    moved: dict[Path, Path] = {}
+    with state.locked(), progress_steps(progress, chosen.count) as step:
+        try:
+            for damage in found:
+                if damage.file in shards:
+                    whole = set(state.numbers(shards[damage.file])) & set(digests) - set(damage.recordings)
+                    moved |= _take_apart(state, shards[damage.file], whole, digests)
+                else:
+                    (path / damage.file).unlink(missing_ok=True)
+            job = RecordingJob(chosen, state.path, "cpu" if gpus_per_worker == 0 else "cuda")
+            report = run_build(state, made_by, job, range(chosen.count), step, digests)
+        except BaseException:
+            for stored, target in moved.items():
+                if stored.exists() and not target.exists():
+                    stored.rename(target)
+            raise
+    if other := sorted(
+        name for name, digest in read_sums(path).items() if name in shards and sums.get(name, digest) != digest
+    ):
+        raise RunFormatError(
+            f"'{path / other[0]}' has its recordings back, but not its old checksum: the HDF5 library is another one"
+        )
+    return report
+
+
+def _set_folder(folder: str | PathLike[str]) -> Path:
+    path = Path(folder).absolute()
+    if not path.is_dir():
+        raise NotADirectoryError(f"'{path}' is no folder of a data set")
+    if not any((path / name).exists() for name in (SUMS, BUILDING, RECIPE)) and not any(path.glob(SHARDS)):
+        raise ValueError(f"'{path}' is no data set: it has neither {SUMS} nor shards")
+    return path
+
+
+def _known(path: Path) -> tuple[dict[str, str], SetIndex | None]:
+    """Checksums and index of a set, as far as they can be read."""
+    sums: dict[str, str] = {}
+    index: SetIndex | None = None
+    with suppress(OSError, ValueError):
+        index = read_index(path)
+        sums = dict(index.shards)
+    with suppress(OSError, ValueError):
+        sums = read_sums(path)
+    return sums, index
+
+
+def _recipe_text(path: Path, damaged_files: set[str], sums: Mapping[str, str]) -> str | None:
+    """Text of the recipe of a set, from its file or from a shard; None where neither has the old one."""
+    stored = path / RECIPE
+    if stored.is_file() and RECIPE not in damaged_files and (SUMS not in damaged_files or not sums):
+        return stored.read_text(encoding="utf-8")
+    texts = []
+    for shard in sorted(path.glob(SHARDS)):
+        if shard.name not in damaged_files:
+            with suppress(OSError, ValueError, KeyError, RuntimeError), open_hdf5(shard) as file:
+                texts.append(str(file.attrs["recipe"]))
+    with suppress(OSError, UnicodeDecodeError):
+        texts.append(stored.read_text(encoding="utf-8"))
+    wanted = sums.get(RECIPE)
+    for text in texts:
+        if wanted is None or hashlib.sha256(text.encode()).hexdigest() == wanted:
+            return text
+    return None
+
+
+def _chosen_recipe(path: Path, recipe: Recipe | str | PathLike[str] | None, text: str | None) -> Recipe:
+    """The recipe of a set, with its files."""
+    if recipe is not None:
+        chosen = recipe if isinstance(recipe, Recipe) else Recipe.load(recipe)
+        if text is not None and chosen.text != text:
+            raise ValueError(f"recipe is another one than that of '{path}': give the one that the set was made from")
+        return chosen
+    if text is None:
+        raise ValueError(f"'{path / RECIPE}' is damaged, and no shard has its text: give the recipe of the set")
+    return Recipe.parse(text, path)
+
+
+@dataclass(frozen=True)
+class ExtractionJob:
+    """Takes whole recordings out of a damaged shard, in a process that the shard may end."""
+
+    shard: Path
+    folder: Path
+    digests: Mapping[int, str]
+
+    def __call__(self, number: int) -> Outcome:
+        part = self.folder / part_name(number)
+        try:
+            extract_recording(self.shard, number, part)
+            with h5py.File(part) as file:
+                if recording_digest(file) == self.digests[number]:
+                    return Outcome(number, "made")
+            part.unlink()
+        except Exception as error:
+            part.unlink(missing_ok=True)
+            return Outcome(number, "error", f"{type(error).__name__}: {error}")
+        return Outcome(number, "error", "it is damaged")
+
+
+def _take_apart(
+    state: BuildingFolder, index: int, whole: Iterable[int], digests: Mapping[int, str]
+) -> dict[Path, Path]:
+    """Put the whole recordings of a damaged shard into parts, and the shard aside: its place there and its own one."""
+    shard = state.shard(index)
+    if not shard.is_file():
+        return {}
+    job = ExtractionJob(shard, state.path, {number: digests[number] for number in whole})
+    for outcome in LocalProcesses(1).outcomes(job, sorted(whole)):
+        if outcome.kind != "made":
+            state.part(outcome.number).unlink(missing_ok=True)
+    stored = state.path / f"{shard.name}.damaged"
+    shard.rename(stored)
+    return {stored: shard}
