@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from rfgen_sionna.dataset.schema import AXES, FORMAT, PIR_CHANNELS, RADARS, VERSION, ActorInfo, Label, RunInfo
-from rfgen_sionna.dataset.storage import PLAIN, Storage
+from rfgen_sionna.dataset.run_storage import PLAIN, Storage
 from rfgen_sionna.records import Pir
 
 FAR = 1e3

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import h5py
@@ -52,8 +53,9 @@ def recording_digest(group: h5py.Group) -> str:
     _digest_attributes(digest, "", group)
     for path in groups:
         _digest_attributes(digest, path, group[path])
+    scales = scale_paths(datasets)
     for path in sorted(datasets):
-        update_with_dataset(digest, path, datasets[path], group.name)
+        update_with_dataset(digest, path, datasets[path], scales)
     return digest.hexdigest()
 
 
@@ -63,14 +65,32 @@ def shard_recordings(shard: h5py.File) -> Iterator[tuple[int, h5py.Group]]:
         yield int(name), shard["recordings"][name]
 
 
-def path_below(name: str, root: str) -> str:
-    """Path of an object within the group `root`, from the name of both in the file."""
-    return name.removeprefix("/" if root == "/" else f"{root}/")
+def scale_paths(datasets: Mapping[str, h5py.Dataset]) -> dict[int, list[str]]:
+    """Paths of the axes among `datasets`, by their addresses in the file; radars of a recording may share them."""
+    found: dict[int, list[str]] = {}
+    for path, dataset in datasets.items():
+        if dataset.is_scale:
+            found.setdefault(_address(dataset), []).append(path)
+    return found
 
 
-def update_with_dataset(digest: Any, path: str, dataset: h5py.Dataset, root: str) -> None:
-    """Add a dataset at `path` in the group of a run, whose name in the file is `root`, to a digest."""
-    axes = [[dim.label, [path_below(scale.name, root) for scale in dim.values()]] for dim in dataset.dims]
+def axes_of(path: str, dataset: h5py.Dataset, scales: Mapping[int, list[str]]) -> list[tuple[str, list[str]]]:
+    """Name of each axis of the dataset at `path`, with the paths of its values, the nearest of several."""
+
+    def nearest(scale: h5py.Dataset) -> str:
+        known = scales.get(_address(scale), [])
+        return max(known, key=lambda each: (len(os.path.commonpath([each, path])), each), default="")
+
+    return [(dim.label, [nearest(scale) for scale in dim.values()]) for dim in dataset.dims]
+
+
+def _address(dataset: h5py.Dataset) -> int:
+    return int(h5py.h5o.get_info(dataset.id).addr)
+
+
+def update_with_dataset(digest: Any, path: str, dataset: h5py.Dataset, scales: Mapping[int, list[str]]) -> None:
+    """Add a dataset at `path` in the group of a run to a digest; `scales` are those of :func:`scale_paths`."""
+    axes = axes_of(path, dataset, scales)
     _update(digest, [path, str(dataset.dtype), list(dataset.shape), dataset.is_scale, axes])
     _digest_attributes(digest, path, dataset)
     if h5py.check_string_dtype(dataset.dtype) is not None:

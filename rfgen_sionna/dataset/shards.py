@@ -17,15 +17,16 @@ import h5py
 
 from rfgen_sionna.dataset.recording_digest import (
     DERIVED,
+    axes_of,
     objects_of,
-    path_below,
     recording_digest,
+    scale_paths,
     shard_recordings,
     update_with_dataset,
 )  # fmt: skip
 from rfgen_sionna.dataset.run_file import check_format, open_hdf5
+from rfgen_sionna.dataset.run_storage import Storage
 from rfgen_sionna.dataset.schema import FORMAT, RADARS, RECORDINGS, SHARD_FORMAT, VERSION, RunFormatError
-from rfgen_sionna.dataset.storage import Storage
 
 LIBVER = ("v110", "v110")
 """Version of HDF5 for the structures of shards, which then have checksums."""
@@ -117,12 +118,12 @@ def _copy(source: h5py.Group, target: h5py.Group, shared: dict[tuple[str, str], 
     groups, datasets = objects_of(source)
     for path in groups:
         _copy_attributes(source[path], target.require_group(path))
-    made = []
+    made, scales = [], scale_paths(datasets)
     # Axes first, so that arrays find theirs.
     for path in sorted(datasets, key=lambda each: (not datasets[each].is_scale, each)):
         digest = hashlib.sha256()
         if shared is not None:
-            update_with_dataset(digest, path, datasets[path], source.name)
+            update_with_dataset(digest, path, datasets[path], scales)
             if (known := shared.get((path, digest.hexdigest()))) is not None:
                 target[path] = known
                 continue
@@ -131,12 +132,12 @@ def _copy(source: h5py.Group, target: h5py.Group, shared: dict[tuple[str, str], 
             shared[path, digest.hexdigest()] = copy
         made.append(path)
     for path in made:
-        copy, original = target[path], datasets[path]
-        for axis, dim in enumerate(original.dims):
-            if dim.label:
-                copy.dims[axis].label = dim.label
-            for scale in dim.values():
-                copy.dims[axis].attach_scale(target[path_below(scale.name, source.name)])
+        copy = target[path]
+        for axis, (label, values) in enumerate(axes_of(path, datasets[path], scales)):
+            if label:
+                copy.dims[axis].label = label
+            for each in filter(None, values):
+                copy.dims[axis].attach_scale(target[each])
 
 
 def _copy_dataset(original: h5py.Dataset, target: h5py.Group, path: str) -> h5py.Dataset:
@@ -152,9 +153,9 @@ def _copy_dataset(original: h5py.Dataset, target: h5py.Group, path: str) -> h5py
         if original.size:
             made[()] = original[()]
     else:
-        blocks = original.chunks or shape
+        blocks = tuple(map(min, original.chunks or shape, shape))
         made = target.create_dataset(path, shape, kind, track_times=False, **_PACKED.filters(blocks, kind))
-        if made.chunks is not None and _filters(made) == _filters(original):
+        if made.chunks == original.chunks and _filters(made) == _filters(original):
             for number in range(original.id.get_num_chunks()):
                 found = original.id.get_chunk_info(number)
                 mask, block = original.id.read_direct_chunk(found.chunk_offset)

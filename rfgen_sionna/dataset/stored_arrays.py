@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.dataset.hdf5_layout import create_fixed, create_scale, create_series, describe
 from rfgen_sionna.dataset.schema import RunFormatError, StoredArray, StoredAxis, check_array_path
-from rfgen_sionna.dataset.storage import Storage
+from rfgen_sionna.dataset.run_storage import Storage
 
 COUNT = "_count"
 """Ending of the array, beside a ragged one, with the number of its rows in each frame."""
