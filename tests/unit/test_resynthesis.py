@@ -170,6 +170,21 @@ def test_a_larger_window_needs_all_in_the_recorded_one(run: Any, radar: Any, tmp
         Resynthesis(walled, wide)
 
 
+def test_several_radars_of_one_file(radar: Any, free: Any, tmp_path: Path) -> None:
+    side = radar.placed(position=(3, -2, 1), orientation=(np.pi / 2, 0, 0))
+    sims = {"front": free, "side": rfgen.Simulator(None, side, free.actors, rtol=RTOL)}
+    with rfgen.record(tmp_path / "run.h5", sims, 0.1, keep=KEEP) as run:
+        with resynthesize(run, tmp_path / "new.h5", seed=6) as again:
+            assert list(again.radars) == ["front", "side"]
+            for name, sim in sims.items():
+                np.testing.assert_array_equal(again[name].adc[:], sim.adc(0.1, seed=6).data)
+        quicker = {"side": other(side, num_samples=32)}
+        with resynthesize(run, tmp_path / "part.h5", radar=quicker) as part:
+            assert (part["front"].adc.shape[-1], part["side"].adc.shape[-1]) == (64, 32)
+        with pytest.raises(ValueError, match="radar names 'back'; the run has 'front', 'side'"):
+            resynthesize(run, tmp_path / "no.h5", radar={"back": "tiny"})
+
+
 @pytest.mark.slow
 def test_a_walking_figure_before_a_wall(radar: Any, tmp_path: Path) -> None:
     person = rfgen.Actor.from_prompt("a man walks on the spot at 3 m", seed=0, duration=1.0, radar=radar)
