@@ -20,7 +20,7 @@ from rfgen_sionna.recipes.partitions import WHOLE_SET, assigned, derived_seed, s
 from rfgen_sionna.recipes.recipe_checks import check_recipe
 from rfgen_sionna.recipes.recipe_error import RecipeError, faults_of
 from rfgen_sionna.recipes.recipe_places import Place, prompted_place, read_place
-from rfgen_sionna.recipes.recipe_sources import Source, check_file, read_source, source_tables
+from rfgen_sionna.recipes.recipe_sources import Source, changes_freely, check_file, read_source, source_tables
 from rfgen_sionna.recipes.recipe_tables import MAX_COUNT, RecipeTables
 from rfgen_sionna.recipes.recipe_text import MAX_BYTES, raise_faults, read_tables
 from rfgen_sionna.recipes.recording_sizes import recording_bytes
@@ -108,6 +108,9 @@ class Recipe(ShortRepr):
         raise_faults(faults)
         if not sources:
             raise RecipeError('prompts is missing: what moves, such as prompts = ["a person waves"], is needed')
+        if "keep" not in tables.model_fields_set and any(map(changes_freely, sources)):
+            kept = ["vertices" if name == "body" else name for name in tables.keep]
+            tables = tables.model_copy(update={"keep": kept})
         places = _places(tables, sources, located)
         with faults_of("receiver"):
             receivers = _receivers(tables, located)

@@ -116,8 +116,8 @@ def _prompt(text: str, motion: str, duration: float) -> Source:
 
 
 def _check_unused(said: ScenePrompt) -> None:
-    if said.unused:
-        raise ValueError(f"{said.unused[0]!r} was not understood and has no effect; leave it out")
+    if said.warnings:
+        raise ValueError(f"{said.warnings[0].removeprefix('prompt: ')}; leave it out")
 
 
 def _distances(readings: list[ScenePrompt]) -> tuple[float, ...]:

@@ -205,7 +205,7 @@ class RecipeTables(RecipeTable):
     outside: Literal["error", "ignore"] = "error"
 
     keep: Annotated[list[Name], Len(1, 20)] = list(DEFAULT_KEEP)
-    """What is stored of a recording."""
+    """What is stored of a recording; left out, meshes instead of bodies where no parameters rebuild them."""
     pir_resolution: Annotated[list[Annotated[int, Field(ge=1, le=1024)]], Len(2, 2)] | None = None
     """Rows and columns of images."""
     fov_deg: Annotated[float, Field(gt=0.0, lt=180.0)] | None = None

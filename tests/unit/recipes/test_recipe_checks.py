@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from rfgen_sionna.generative.motion import KinematicSource
+from rfgen_sionna.generative.motion.clip_editing import joint_places
 from rfgen_sionna.recipes import Recipe, RecipeError
 
 WAVES = 'count = 20\nprompts = "a person waves"\nradar = "awr1843"\npreset = "mmmesh"\n'
@@ -116,3 +118,25 @@ def test_a_receiver_may_be_a_file(tmp_path: Path) -> None:
     (tmp_path / "board.toml").write_text("adc = [")
     with pytest.raises(RecipeError, match="receiver: "):
         Recipe.parse(WAVES + 'receiver = "board.toml"', tmp_path)
+
+
+def test_joints_and_clips_are_read(tmp_path: Path) -> None:
+    motion = KinematicSource()("wave", 1.0, 0)
+    np.savez(tmp_path / "waving.npz", positions=joint_places(motion)[:, :22], frame_rate=motion.frame_rate)
+    recipe = Recipe.parse('count = 3\n[[sources]]\njoints = "waving.npz"\nlayout = "smpl22"', tmp_path)
+    spec = recipe.recording(0)
+    assert (spec.sources[0].kind, spec.sources[0].options, len(spec.bodies)) == ("joints", {"layout": "smpl22"}, 1)
+    with pytest.raises(RecipeError, match="people is 2, but a joints is alone"):
+        Recipe.parse('count = 3\npeople = 2\n[[sources]]\njoints = "waving.npz"\nlayout = "smpl22"', tmp_path)
+    (tmp_path / "walk.bvh").write_text("HIERARCHY")
+    with pytest.raises(RecipeError, match=r"sources\[0\]: "):
+        Recipe.parse('count = 3\n[[sources]]\nclip = "walk.bvh"\nwords = "a tall man"', tmp_path)
+    with pytest.raises(RecipeError, match=r"sources\[0\]: .*bicep"):
+        Recipe.parse('count = 3\n[[sources]]\nclip = "walk.bvh"\nwords = "a man with bicepses"', tmp_path)
+
+
+def test_what_changes_freely_is_stored_as_vertices() -> None:
+    dog = 'count = 3\nprompts = "a dog runs"\n'
+    assert Recipe.parse(dog).recording(0).keep == ("adc", "vertices", "joints", "labels")
+    with pytest.raises(RecipeError, match="no parameters rebuild 'dog': keep 'vertices' instead"):
+        Recipe.parse(dog + 'keep = ["adc", "body"]')
