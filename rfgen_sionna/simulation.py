@@ -333,8 +333,8 @@ class Simulator(ShortRepr):
         """Write the frames of :meth:`adc` to an HDF5 file, with meshes, joints and labels of the actors, and open it.
 
         `options` are those of :func:`rfgen_sionna.record`, which writes several radars to one file: `start`, `noise`,
-        `seed`, `receiver`, `device`, `workers`, `pir_resolution`, `fov_deg`, `projection`, `overwrite`, `resume`,
-        `progress`.
+        `seed`, `receiver`, `device`, `workers`, `pir_resolution`, `fov_deg`, `projection`, `keep`, `words`,
+        `overwrite`, `resume`, `progress`.
         """
         return record(output, self, duration, **options)
 

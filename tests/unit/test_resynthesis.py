@@ -12,6 +12,9 @@ import trimesh
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.dataset import RunFormatError
+from rfgen_sionna.dataset.stored_paths import read_frame_paths
+from rfgen_sionna.radar import Trajectory
+from rfgen_sionna.records import Pir
 from rfgen_sionna.resynthesis import Resynthesis, resynthesize
 from rfgen_sionna.signal import Receiver
 from tests.sionna.rectangles import scene_of, wall
@@ -168,6 +171,28 @@ def test_a_larger_window_needs_all_in_the_recorded_one(run: Any, radar: Any, tmp
         pytest.raises(ValueError, match="take a preset with a smaller window, or record with a larger one"),
     ):
         Resynthesis(walled, wide)
+
+
+def test_a_moving_radar(radar: Any, tmp_path: Path) -> None:
+    way = Trajectory((0.0, 1.0), ((0.0, 0.0, 1.0), (0.5, 0.2, 1.0)))
+    moving = replace(radar, trajectory=way)
+    sim = rfgen.Simulator(None, moving, [ball()], rtol=RTOL)
+    with sim.record(tmp_path / "run.h5", 0.1, keep=("adc", "paths")) as run:
+        with resynthesize(run, tmp_path / "same.h5") as same:
+            np.testing.assert_array_equal(same.adc[:], run.adc[:])
+        with pytest.raises(ValueError, match=r"trajectory is None, recorded is .*give it the same trajectory"):
+            Resynthesis(run, replace(moving, trajectory=None))
+
+
+def test_imagined_surroundings(radar: Any, tmp_path: Path) -> None:
+    pixels = (6, 8)
+    levels = np.random.default_rng(0).uniform(1e-10, 1e-9, pixels)
+    place = Pir(levels, np.full(pixels, 3e-8), np.zeros(pixels), (60.0, 46.0), radar.position, radar.orientation)
+    sim = rfgen.Simulator(None, radar, [ball()], rtol=RTOL, environment=place)
+    with sim.record(tmp_path / "run.h5", 0.1, keep=("adc", "paths")) as run:
+        assert len(read_frame_paths(run.stored("paths"), 0)) > 1
+        with resynthesize(run, tmp_path / "same.h5") as same:
+            np.testing.assert_array_equal(same.adc[:], run.adc[:])
 
 
 def test_several_radars_of_one_file(radar: Any, free: Any, tmp_path: Path) -> None:
