@@ -17,7 +17,7 @@ import h5py
 import hdf5plugin  # noqa: F401  (registers the filter)
 import numpy as np
 
-DERIVED = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid", "digest")
+DERIVED = ("DIMENSION_LABELS", "DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid", "digest")
 """Attributes that follow from the axes, or from all of a recording."""
 _FILTERS = (3, 32008)  # Fletcher-32, bitshuffle
 _MAX_MEMORY, _MAX_BLOCK = 16 << 30, 1 << 30  # bytes

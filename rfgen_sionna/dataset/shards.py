@@ -154,19 +154,32 @@ def _copy_dataset(original: h5py.Dataset, target: h5py.Group, path: str) -> h5py
             made[()] = original[()]
     else:
         blocks = tuple(map(min, original.chunks or shape, shape))
-        made = target.create_dataset(path, shape, kind, track_times=False, **_PACKED.filters(blocks, kind))
+        options = {"track_times": False} | _PACKED.filters(blocks, kind)
+        made = target.create_dataset(path, shape, kind, **options)
         if made.chunks == original.chunks and _filters(made) == _filters(original):
-            for number in range(original.id.get_num_chunks()):
-                found = original.id.get_chunk_info(number)
-                mask, block = original.id.read_direct_chunk(found.chunk_offset)
-                made.id.write_direct_chunk(found.chunk_offset, block, mask)
+            _copy_blocks(original, made)
         else:
-            for start in range(0, shape[0], blocks[0]):
-                made[start : start + blocks[0]] = original[start : start + blocks[0]]
+            # Blocks written as such, in order, whatever those of the original are.
+            with h5py.File("packed", "w", driver="core", backing_store=False, libver=LIBVER) as memory:
+                packed = memory.create_dataset("values", shape, kind, **options)
+                for start in range(0, shape[0], blocks[0]):
+                    packed[start : start + blocks[0]] = original[start : start + blocks[0]]
+                memory.flush()
+                _copy_blocks(packed, made)
     _copy_attributes(original, made)
     if original.is_scale:
         made.make_scale(path.rpartition("/")[2])
     return made
+
+
+def _copy_blocks(original: h5py.Dataset, made: h5py.Dataset) -> None:
+    if made.chunks is None:
+        made[()] = original[()]
+        return
+    for number in range(original.id.get_num_chunks()):
+        found = original.id.get_chunk_info(number)
+        mask, block = original.id.read_direct_chunk(found.chunk_offset)
+        made.id.write_direct_chunk(found.chunk_offset, block, mask)
 
 
 def _filters(dataset: h5py.Dataset) -> list[Any]:

@@ -1,13 +1,16 @@
 """A small run with one actor, images and labels."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rfgen_sionna.dataset import STANDARD_LABELS, ActorInfo, Label, RunInfo, RunWriter
+from rfgen_sionna.dataset.checksums import write_sums
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import Pir
+from tests.benchmarks.fuzz_sets import make_set
 
 
 @pytest.fixture(scope="session")
@@ -73,3 +76,19 @@ def write(info, frame):
         return path
 
     return make
+
+
+@pytest.fixture(scope="session")
+def base_set(tmp_path_factory):
+    """Folder of a small data set, which no test changes."""
+    folder = tmp_path_factory.mktemp("sets") / "base"
+    make_set(folder)
+    return folder
+
+
+@pytest.fixture
+def small_set(base_set, tmp_path):
+    """Folder of a small data set, known as verified."""
+    shutil.copytree(base_set, tmp_path / "set", ignore=shutil.ignore_patterns(".verified"))
+    write_sums(tmp_path / "set")
+    return tmp_path / "set"
