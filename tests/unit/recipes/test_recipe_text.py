@@ -1,8 +1,11 @@
 """A fault in the text of a recipe is named by the path of its key, with what is allowed."""
 
+from pathlib import Path
+
 import pytest
 
 from rfgen_sionna.recipes import RecipeError
+from rfgen_sionna.recipes.recipe_tables import BodiesTable, RadarTable, RecipeTables, SourceTable, SplitsTable
 from rfgen_sionna.recipes.recipe_text import MAX_BYTES, MAX_FAULTS, read_tables
 
 
@@ -66,3 +69,10 @@ def test_a_list_of_three_numbers_is_a_position_and_lists_of_them_a_choice() -> N
 
 def test_sizes_have_units() -> None:
     assert read_tables('shard_size = "2 MiB"').shard_size == 2 * 2**20
+
+
+def test_the_page_of_recipes_has_every_key() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "recipes.md").read_text()
+    tables = (RecipeTables, SourceTable, RadarTable, BodiesTable, SplitsTable)
+    keys = {key for table in tables for key in table.model_fields}
+    assert not {key for key in keys if f"`{key}`" not in page and f"[{key}]" not in page}
