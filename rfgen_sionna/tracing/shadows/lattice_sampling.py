@@ -106,9 +106,17 @@ class LatticeSampler:
 
         `places` (facet, 3) are the numbers of `shared_vertices`, `others` (facet, 3) those of further occluded facets.
         """
+        own = places[whole]
+        if not len(own):
+            return 0
         occluded = places[self._fraction == 0]
         occluded = occluded if others is None else np.concatenate([occluded, others])
-        row, corner = np.nonzero(np.isin(_sides(places[whole]), _sides(occluded)))
+        # Few of the occluded facets have two corners in common with these.
+        shared = np.zeros(int(max(own.max(), occluded.max(initial=0))) + 1, np.bool_)
+        shared[own] = True
+        one, two, three = shared[occluded].T
+        occluded = occluded[(one & two) | (two & three) | (three & one)]
+        row, corner = np.nonzero(np.isin(_sides(own), _sides(occluded)))
         row, one = np.unique(row, return_index=True)  # one side per facet
         if not len(row):
             return 0

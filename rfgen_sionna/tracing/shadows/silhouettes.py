@@ -143,6 +143,11 @@ class FacetLocator:
         self._order = np.arange(len(number)) if ordered else np.argsort(number, kind="stable")
         self._ascending = number if ordered else number[self._order]
 
+    @cached_property
+    def _device_corners(self) -> Any:
+        """The corners on the device: a static scene is asked often."""
+        return upload(drjit_types()[1].Float64, self._corners)
+
     def silhouette_lengths(self, silhouette_rays: SilhouetteRays) -> FloatArray:
         """(2, facet) silhouette length [rad] that falls on each facet: in all, and behind the silhouette."""
         hit, total = silhouette_rays.hit, np.zeros((2, len(self._number)))
@@ -188,7 +193,7 @@ class FacetLocator:
             "first": upload(types.UInt32, first),
             "count": upload(types.UInt32, count),
             "starts": upload(types.UInt32, starts),
-            "corners": upload(types.Float64, self._corners),
+            "corners": self._device_corners,
             "fallen": fallen,
         }
         _HIT_FACETS(given)
