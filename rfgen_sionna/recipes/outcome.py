@@ -7,8 +7,6 @@ import sqlite3
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Protocol
 
-from rfgen_sionna.dataset.disk_space import DiskSpaceError
-
 OutcomeKind = Literal["made", "impossible", "error", "crashed", "disk full"]
 """Impossible: no draw of the recipe can be made, which no further try changes. Error: an exception of the program.
 Crashed: the worker's process ended twice."""
@@ -61,6 +59,8 @@ class Job(Protocol):
 
 def is_disk_full(error: BaseException | None) -> bool:
     """Whether an error, or one of its causes, means that the disk has no room."""
+    from rfgen_sionna.dataset.disk_space import DiskSpaceError  # a worker that has not begun needs no arrays
+
     while error is not None:
         if isinstance(error, DiskSpaceError) or getattr(error, "errno", None) in _FULL:
             return True

@@ -17,7 +17,8 @@ from contextlib import suppress
 from typing import Any
 
 from rfgen_sionna.recipes.outcome import Job, Outcome
-from rfgen_sionna.recipes.recording_job import ONE_THREAD, WITHOUT_GPU, available_memory
+from rfgen_sionna.recipes.recording_job import ONE_THREAD, WITHOUT_GPU
+from rfgen_sionna.recipes.worker_memory import available_memory
 from rfgen_sionna.recipes.worker_process import READY
 
 WORKER_MEMORY = 1_500_000_000

@@ -10,12 +10,13 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from rfgen_sionna.recipes.outcome import MAX_REASON, Outcome, OutcomeKind, is_disk_full
 from rfgen_sionna.recipes.recipe import Recipe
+from rfgen_sionna.recipes.worker_memory import resident_memory
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS"), "1")
 """Environment of a worker, which uses one core: its recordings do not depend on the number of cores."""
@@ -120,22 +121,3 @@ def collected_warnings() -> Iterator[list[str]]:
     finally:
         logger.removeHandler(handler)
         logger.propagate = propagates
-
-
-def resident_memory() -> int:
-    """Memory of this process [bytes]; 0 where it is unknown."""
-    with suppress(OSError, ValueError, IndexError):
-        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    return 0
-
-
-def available_memory() -> int | None:
-    """Memory that new processes can have [bytes], also within the limit of a container; None where it is unknown."""
-    found: list[int] = []
-    with suppress(OSError, ValueError, StopIteration, IndexError):
-        line = next(each for each in Path("/proc/meminfo").read_text().splitlines() if each.startswith("MemAvailable"))
-        found.append(int(line.split()[1]) * 1024)
-    with suppress(OSError, ValueError):
-        group = Path("/sys/fs/cgroup")
-        found.append(int((group / "memory.max").read_text()) - int((group / "memory.current").read_text()))
-    return max(0, min(found)) if found else None
