@@ -9,19 +9,24 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rfgen_sionna.recipes.planning import Plan, plan_dataset
+    from rfgen_sionna.recipes.building import BuildReport, build_dataset
+    from rfgen_sionna.recipes.planning import DatasetPlan, plan_dataset
     from rfgen_sionna.recipes.recipe import Recipe
     from rfgen_sionna.recipes.recipe_error import RecipeError
     from rfgen_sionna.recipes.recording_spec import BodySpec, RadarSpec, RecordingSpec, SourceSpec
+    from rfgen_sionna.recipes.repairing import repair_dataset, verify_dataset
 
 _HOME = {
-    "Plan": "planning", "plan_dataset": "planning",
-    "BodySpec": "recording_spec",
-    "RadarSpec": "recording_spec", "Recipe": "recipe", "RecipeError": "recipe_error", "RecordingSpec": "recording_spec",
-    "SourceSpec": "recording_spec",
+    "BodySpec": "recording_spec", "BuildReport": "building", "DatasetPlan": "planning", "RadarSpec": "recording_spec",
+    "Recipe": "recipe", "RecipeError": "recipe_error", "RecordingSpec": "recording_spec",
+    "SourceSpec": "recording_spec", "build_dataset": "building", "plan_dataset": "planning",
+    "repair_dataset": "repairing", "verify_dataset": "repairing",
 }  # fmt: skip
 
-__all__ = ["BodySpec", "Plan", "RadarSpec", "Recipe", "RecipeError", "RecordingSpec", "SourceSpec", "plan_dataset"]
+__all__ = [
+    "BodySpec", "BuildReport", "DatasetPlan", "RadarSpec", "Recipe", "RecipeError", "RecordingSpec", "SourceSpec",
+    "build_dataset", "plan_dataset", "repair_dataset", "verify_dataset",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

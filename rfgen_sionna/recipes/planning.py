@@ -82,7 +82,7 @@ class StratumPlan:
 
 
 @dataclass(frozen=True, repr=False)
-class Plan(ShortRepr):
+class DatasetPlan(ShortRepr):
     """What a recipe will make; its text is a table."""
 
     count: int
@@ -167,7 +167,7 @@ def plan_dataset(
     workers: int | None = None,
     sheet: str | PathLike[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Plan:
+) -> DatasetPlan:
     """Count the recordings of a recipe, and make a few of each kind to see how large they are and how long they take.
 
     Probes are made as a build makes recordings: by `workers` processes at once, each with one thread, so that what they
@@ -197,7 +197,7 @@ def plan_dataset(
         from rfgen_sionna.recipes.plan_sheet import draw_sample_scenes
 
         draw_sample_scenes(recipe, Path(sheet))
-    return Plan(
+    return DatasetPlan(
         len(specs),
         workers,
         tuple(

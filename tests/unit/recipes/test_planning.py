@@ -10,7 +10,7 @@ from rfgen_sionna.recipes.plan_sheet import draw_sample_scenes, sample_recording
 from rfgen_sionna.recipes.planning import (
     INDEX_BYTES,
     MIN_PROBES,
-    Plan,
+    DatasetPlan,
     Probe,
     StratumPlan,
     chosen_probes,
@@ -39,7 +39,7 @@ def test_size_and_time_are_the_sums_over_the_kinds() -> None:
         StratumPlan(("free space", 1, 2.0), 30, (Probe(0, 1.0, 1000), Probe(1, 3.0, 3000))),
         StratumPlan(("furnished: lab", 1, 2.0), 10, (Probe(2, 10.0, 4000), Probe(3, 14.0, 0, reason="in a wall"))),
     )
-    plan = Plan(40, 2, strata, {"all": 40}, {"waves": 40}, 16, start_seconds=5.0)
+    plan = DatasetPlan(40, 2, strata, {"all": 40}, {"waves": 40}, 16, start_seconds=5.0)
     assert plan.seconds == 5.0 + (30 * 2.0 + 10 * 12.0) / 2
     assert plan.bytes == 30 * (2000 + INDEX_BYTES) + 10 * (0.5 * 4000 + INDEX_BYTES)
     assert plan.seconds_error == pytest.approx(((30 * 1.0) ** 2 + (10 * 2.0) ** 2) ** 0.5 / 2)
