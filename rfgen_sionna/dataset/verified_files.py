@@ -96,5 +96,6 @@ def examined(path: Path, seconds: float = 600.0) -> tuple[str, dict[int, str]]:
             digests[int(number)] = digest
     if done.returncode == 0:
         return "", digests
-    last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
-    return (f"signal {-done.returncode}" if done.returncode < 0 else (last or ["no reason"])[0])[:300], digests
+    lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no reason"]
+    first = next((line for line in lines if line.startswith("recording ")), lines[-1])
+    return (f"signal {-done.returncode}" if done.returncode < 0 else first)[:300], digests
