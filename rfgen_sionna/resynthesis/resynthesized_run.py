@@ -49,7 +49,7 @@ def resynthesize(
     radar
         Radar with the same elements, or some of them, at the same place, whose band, range window and frames lie within
         the recorded ones; or the name of a preset of the recorded radar. Power, noise figure and ADC may differ. None
-        is the recorded one. For several radars a dictionary with that of each by its name, or one preset for all.
+        is the recorded one. Or a dictionary with that of each of the run's radars by its name.
     receiver
         Impairments of the receiver, as of :meth:`rfgen_sionna.simulation.Simulator.adc`; None is the recorded one.
     seed
@@ -78,15 +78,14 @@ def resynthesize(
         Before any sum, naming the argument, its value and the cure.
     """
     several = all(each is not run for each in run.radars.values())
-    if isinstance(radar, Mapping) and (not several or set(radar) - set(run.radars)):
+    if isinstance(radar, Mapping) and set(radar) - set(run.radars):
         raise ValueError(f"radar names {', '.join(map(repr, radar))}; the run has {', '.join(map(repr, run.radars))}")
     if several and isinstance(radar, Radar):
-        raise ValueError(
-            f"radar is one Radar, and the run has {len(run.radars)}: give each by its name in a dictionary"
-        )
+        raise ValueError(f"radar is one Radar, and the run has {len(run.radars)}: give them by name in a dictionary")
     parts = {}
-    for name, each in run.radars.items() if several else [("", run)]:
-        parts[name] = _Part(each, radar.get(name) if isinstance(radar, Mapping) else radar, receiver, seed, keep)
+    for name, each in run.radars.items():
+        choice = radar.get(name) if isinstance(radar, Mapping) else radar
+        parts[name if several else ""] = _Part(each, choice, receiver, seed, keep)
     infos = {name: part.info(recording) for name, part in parts.items()}
     stored: dict[str, Any] = {"words": words, "compressed": compressed, "dated": dated, "overwrite": overwrite}
     total, count = sum(len(part.made.frames) for part in parts.values()), 0
