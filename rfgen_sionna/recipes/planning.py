@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from rfgen_sionna._short_repr import ShortRepr
+from rfgen_sionna.dataset import check_output
 from rfgen_sionna.recipes.outcome import Outcome
 from rfgen_sionna.recipes.partitions import stream
 from rfgen_sionna.recipes.process_engine import LocalProcesses, chosen_workers
@@ -29,6 +30,8 @@ INDEX_BYTES = 2_500
 """Size of a recording in the index and of its part of a shard's tables [bytes]."""
 MIN_PROBES = 2
 """Probes of each kind of recordings."""
+PICTURES = (".png", ".pdf", ".svg")
+"""Endings of pictures."""
 
 Stratum = tuple[str, int, float]
 """Place, number of sources and duration [s] of recordings that take about the same time."""
@@ -166,6 +169,7 @@ def plan_dataset(
     probes: int = 8,
     workers: int | None = None,
     sheet: str | PathLike[str] | None = None,
+    overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> DatasetPlan:
     """Count the recordings of a recipe, and make a few of each kind to see how large they are and how long they take.
@@ -178,6 +182,7 @@ def plan_dataset(
         probes: number of recordings that are made, at least two of each kind (place, people, duration); 0 makes none.
         workers: number of processes; None is that of the cores, within the free memory.
         sheet: picture to write (PNG, PDF or SVG) of sample scenes; None draws none.
+        overwrite: whether an existing picture is replaced.
         progress: function of the number of finished and of all probes.
 
     Raises:
@@ -186,6 +191,9 @@ def plan_dataset(
     workers = chosen_workers(workers)
     if probes < 0:
         raise ValueError(f"probes is {probes}: a whole number of at least 0 is needed")
+    picture = None if sheet is None else check_output(sheet, overwrite)
+    if picture is not None and picture.suffix.lower() not in PICTURES:
+        raise ValueError(f"sheet is '{picture}': a file with one of the endings {', '.join(PICTURES)} is needed")
     specs = list(recipe)
     kinds: dict[Stratum, list[RecordingSpec]] = {}
     for spec in specs:
@@ -193,10 +201,10 @@ def plan_dataset(
     kinds = dict(sorted(kinds.items(), key=lambda item: -len(item[1])))
     chosen = chosen_probes(kinds, probes, recipe.tables.seed)
     start, made = _made(recipe, [number for each in chosen.values() for number in each], workers, progress)
-    if sheet is not None:
+    if picture is not None:
         from rfgen_sionna.recipes.plan_sheet import draw_sample_scenes
 
-        draw_sample_scenes(recipe, Path(sheet))
+        draw_sample_scenes(recipe, picture)
     return DatasetPlan(
         len(specs),
         workers,
@@ -207,7 +215,7 @@ def plan_dataset(
         dict(Counter(_words(spec) for spec in specs).most_common()),
         recipe.recordings_per_shard,
         start,
-        None if sheet is None else Path(sheet),
+        picture,
         Counter((spec.split, str((spec.place, len(spec.sources), spec.duration_s))) for spec in specs),
     )
 

@@ -59,8 +59,12 @@ def test_every_kind_is_probed_by_its_share() -> None:
     assert chosen == chosen_probes(kinds, 60, 0)  # type: ignore[arg-type]
 
 
-def test_a_wrong_number_is_refused() -> None:
+def test_wrong_arguments_are_refused_before_probes(tmp_path: Path) -> None:
     recipe = Recipe.parse(SHORT)
+    (tmp_path / "old.png").touch()
+    for sheet, message in (("old.png", "exists"), ("no/new.png", "does not exist"), ("new.gif", "one of the endings")):
+        with pytest.raises(ValueError, match=message):
+            plan_dataset(recipe, sheet=tmp_path / sheet)
     with pytest.raises(ValueError, match="workers is 0"):
         plan_dataset(recipe, workers=0)
     with pytest.raises(ValueError, match="probes is -1"):
