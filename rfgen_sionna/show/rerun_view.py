@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,10 +34,10 @@ _BODY, _BONE = [184, 194, 207], [122, 79, 181]
 """Red, green and blue of meshes and of joints."""
 _ACCENT = [25, 195, 214]
 """Red, green and blue of the radar's boresight and of labels over spectra."""
-_TICK = [160, 170, 180]
+_TICK = [120, 130, 140]
 """Red, green and blue of values along axes."""
-_WIDTH = 640
-"""Least number of columns of a picture over time; the columns of short runs are repeated."""
+_ASPECT = 2.2
+"""Width over height of pictures over time, whose cells are repeated."""
 
 
 def open_in_rerun(
@@ -119,9 +120,9 @@ def _layout(run: Displayable) -> Any:
     """Views: the scene, the maps and the texts, and below them what goes over time."""
     import rerun.blueprint as rrb
 
-    maps: list[Any] = [rrb.Spatial2DView(origin="range_doppler", name="Range–Doppler")]
+    maps: list[Any] = [rrb.Spatial2DView(origin="range_doppler", name="Range [m] over radial velocity [m/s]")]
     if run.has_pir:
-        names = {"energy": "PIR energy", "time_of_arrival": "PIR time of arrival", "velocity": "PIR velocity"}
+        names = {"energy": "PIR energy", "time_of_arrival": "Time of arrival", "velocity": "Velocity"}
         maps.append(rrb.Tabs(*(rrb.Spatial2DView(origin=f"pir/{key}", name=name) for key, name in names.items())))
     texts = rrb.Tabs(
         rrb.TextDocumentView(origin="texts/labels", name="Labels"),
@@ -129,9 +130,13 @@ def _layout(run: Displayable) -> Any:
     )
     scene = rrb.Spatial3DView(origin="world", name="Scene")
     over_time = [
-        rrb.Spatial2DView(origin="doppler_time", name="Doppler–time"),
-        rrb.Spatial2DView(origin="range_time", name="Range–time"),
-        rrb.TimeSeriesView(origin="labels", name="Labels over time"),
+        rrb.Spatial2DView(origin="doppler_time", name="Radial velocity [m/s] over time [s]"),
+        rrb.Spatial2DView(origin="range_time", name="Range [m] over time [s]"),
+        rrb.TimeSeriesView(
+            origin="labels",
+            contents=["/labels/distance/**", "/labels/radial_velocity/**"],
+            name="Labels: distance [m], radial velocity [m/s]",
+        ),
     ]
     upper = rrb.Horizontal(scene, rrb.Vertical(*maps), texts, column_shares=[3, 2, 1.4])
     return rrb.Blueprint(rrb.Vertical(upper, rrb.Horizontal(*over_time), row_shares=[2.2, 1]), collapse_panels=True)
@@ -155,7 +160,7 @@ def _log(stream: rerun.RecordingStream, run: Displayable, data: PageData) -> Non
     for plot in (*pictures, *header["spectrograms"]):
         _log_axes(stream, plot, arrays[plot["array"]].shape)
     for plot in header["spectrograms"]:
-        stream.log(plot["array"], rerun.Image(_wide(arrays[plot["array"]][0], plot["map"])), static=True)
+        stream.log(plot["array"], rerun.Image(_enlarged(plot, arrays[plot["array"]])), static=True)
     for frame, time in enumerate(header["times"]):
         stream.set_time(TIME, duration=time)
         stream.set_time(FRAME, sequence=frame)
@@ -229,20 +234,25 @@ def _log_cloud(stream: rerun.RecordingStream, cloud: NDArray[np.float32], speed:
     stream.log("world/point_cloud", rerun.Points3D(cloud[:, :3], colors=colours, radii=radii))
 
 
-def _wide(levels: NDArray[np.uint8], colour_map: str) -> NDArray[np.uint8]:
-    return np.repeat(coloured(levels, colour_map), _repeats(levels.shape[1]), axis=1)
+def _repeats(plot: dict[str, Any], shape: tuple[int, ...]) -> tuple[int, int]:
+    """How often rows and columns of a picture (frame, row, column) are repeated."""
+    if not plot["xLabel"].startswith("time"):
+        return 1, 1
+    ratio = _ASPECT * shape[1] / shape[2]
+    return max(1, round(1 / ratio)), max(1, round(ratio))
 
 
-def _repeats(columns: int) -> int:
-    return max(1, -(-_WIDTH // columns))
+def _enlarged(plot: dict[str, Any], picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    rows, columns = _repeats(plot, picture.shape)
+    return coloured(picture[0].repeat(rows, axis=0).repeat(columns, axis=1), plot["map"])
 
 
 def _pixels(plot: dict[str, Any], shape: tuple[int, ...], x: Any, y: Any) -> NDArray[np.float64]:
     """(point, 2) column and row of values on the axes of a picture (frame, row, column)."""
-    columns = shape[2] * (_repeats(shape[2]) if plot["xLabel"].startswith("time") else 1)
+    rows, columns = np.multiply(shape[1:], _repeats(plot, shape))
     (left, right), (bottom, top) = plot["x"], plot["y"]
     across = (np.asarray(x, float) - left) / (right - left) * columns
-    down = (1.0 - (np.asarray(y, float) - bottom) / (top - bottom)) * shape[1]
+    down = (top - np.asarray(y, float)) / (top - bottom) * rows
     return np.stack(np.broadcast_arrays(across, down), axis=-1)
 
 
@@ -250,17 +260,11 @@ def _log_axes(stream: rerun.RecordingStream, plot: dict[str, Any], shape: tuple[
     """Values along the lower and the left border of a picture, and its label's curves."""
     import rerun
 
-    tangent = plot.get("tangent", False)
-    left, bottom = plot["x"][0], plot["y"][0]
-    places, texts = [], []
-    for axis, name, (first, last) in ((0, "xLabel", plot["x"]), (1, "yLabel", plot["y"])):
-        ends = np.degrees(np.arctan([first, last])) if tangent else np.array([first, last])
-        ticks = MaxNLocator(5).tick_values(ends.min(), ends.max())
-        ticks = ticks[(ticks > ends.min()) & (ticks < ends.max())]
-        values = np.tan(np.radians(ticks)) if tangent else ticks
-        places.append(_pixels(plot, shape, values, bottom) if axis == 0 else _pixels(plot, shape, left, values))
-        texts += [f"{tick:g}" for tick in ticks[:-1]] + [f"{ticks[-1]:g} {plot[name]}"]
-    points = rerun.Points2D(np.concatenate(places), labels=texts, show_labels=True, colors=[_TICK], radii=-2.0)
+    (left, right), bottom = plot["x"], plot["y"][0]
+    beside, (across, texts) = left - 0.03 * (right - left), _ticks(plot, plot["x"], 5)
+    up, more = _ticks(plot, plot["y"], 3)
+    places = [_pixels(plot, shape, across, bottom), _pixels(plot, shape, beside, up)]
+    points = rerun.Points2D(np.concatenate(places), labels=texts + more, show_labels=True, colors=[_TICK], radii=-1.5)
     stream.log(f"{plot['array']}/axes", points, static=True)
     if line := plot.get("line"):
         curves = [
@@ -269,6 +273,17 @@ def _log_axes(stream: rerun.RecordingStream, plot: dict[str, Any], shape: tuple[
             if np.any(known := np.array([value is not None for value in values]))
         ]
         stream.log(f"{plot['array']}/label", rerun.LineStrips2D(curves, colors=[_ACCENT], radii=-1.0), static=True)
+
+
+def _ticks(plot: dict[str, Any], ends: Sequence[float], most: int) -> tuple[NDArray[np.float64], list[str]]:
+    """Round values between the ends of an axis, and their texts; of a perspective image in degrees."""
+    tangent = plot.get("tangent", False)
+    low, high = np.sort(np.degrees(np.arctan(ends)) if tangent else np.asarray(ends))
+    ticks = np.asarray(MaxNLocator(most).tick_values(low, high))
+    ticks = ticks[(ticks >= low) & (ticks <= high)]
+    return np.asarray(np.tan(np.radians(ticks)) if tangent else ticks), [
+        f"{tick:g}".replace("-", "−") for tick in ticks
+    ]
 
 
 def _log_cursor(stream: rerun.RecordingStream, plot: dict[str, Any], shape: tuple[int, ...], time: float) -> None:
@@ -282,7 +297,12 @@ def _log_labels(stream: rerun.RecordingStream, run: Displayable, rows: list[dict
     """All labels as text, and those with one number an actor as curves."""
     import rerun
 
-    lines = [f"{row['actor']} {row['name']}: {row['texts'][frame]} {row['unit']}".strip() for row in rows]
+    several = len(run.actors) > 1
+    lines = [
+        f"{row['actor'] + ' ' if several else ''}{row['name']}: {row['texts'][frame]} {row['unit']}".strip()
+        for row in rows
+        if row["texts"][frame] != "–"
+    ]
     stream.log("texts/labels", rerun.TextDocument("\n".join(lines) or "no labels"))
     for name, label in run.labels.items():
         if label.dims == ("frame", "actor") and label.values.dtype.kind == "f":
