@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from rfgen_sionna.dataset import RunFormatError, RunInfo, RunWriter, StoredArray, StoredAxis, open_run
 from rfgen_sionna.dataset.adc_words import AdcWords, decoded, encoded
 from rfgen_sionna.radar import Adc
+from rfgen_sionna.records import AdcCube
+from rfgen_sionna.signal.formats import write_capture
 from rfgen_sionna.signal.receiver.reception import convert
 
 BITS, FULL_SCALE = 12, 10**-2.8
@@ -186,3 +188,15 @@ def test_declarations_that_cannot_be_are_named(tmp_path, radar):
         with pytest.raises(ValueError, match="its axis 'c' has 2 values"):
             writer.append(None, time=0.0, arrays={"a/b": np.zeros(3)})
         writer.append(None, time=0.0, arrays={"a/b": np.zeros(2)})
+
+
+def test_a_capture_of_words_is_that_of_the_samples(pair, tmp_path):
+    words, floats = pair
+    real = words.radar.adc.real
+    for name, run in {"words": words, "floats": floats}.items():
+        cube = AdcCube(run.adc, run.radar, run.frame_times)  # read frame by frame
+        write_capture(cube, tmp_path / name, "dca1000", scale=run.full_scale / 2 ** (BITS - 1))
+    files = {name: sorted((tmp_path / name).glob("*.bin")) for name in ("words", "floats")}
+    assert files["words"], real
+    for one, other in zip(*files.values(), strict=True):
+        assert one.read_bytes() == other.read_bytes()
