@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rfgen_sionna.recipes.augmentation import Variant, augment_dataset
     from rfgen_sionna.recipes.building import BuildReport, build_dataset
     from rfgen_sionna.recipes.planning import DatasetPlan, plan_dataset
     from rfgen_sionna.recipes.recipe import Recipe
@@ -19,13 +20,14 @@ if TYPE_CHECKING:
 _HOME = {
     "BodySpec": "recording_spec", "BuildReport": "building", "DatasetPlan": "planning", "RadarSpec": "recording_spec",
     "Recipe": "recipe", "RecipeError": "recipe_error", "RecordingSpec": "recording_spec",
-    "SourceSpec": "recording_spec", "build_dataset": "building", "plan_dataset": "planning",
+    "SourceSpec": "recording_spec", "Variant": "augmentation", "augment_dataset": "augmentation",
+    "build_dataset": "building", "plan_dataset": "planning",
     "repair_dataset": "repairing", "verify_dataset": "repairing",
 }  # fmt: skip
 
 __all__ = [
     "BodySpec", "BuildReport", "DatasetPlan", "RadarSpec", "Recipe", "RecipeError", "RecordingSpec", "SourceSpec",
-    "build_dataset", "plan_dataset", "repair_dataset", "verify_dataset",
+    "Variant", "augment_dataset", "build_dataset", "plan_dataset", "repair_dataset", "verify_dataset",
 ]  # fmt: skip
 
 
