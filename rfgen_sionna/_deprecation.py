@@ -14,6 +14,15 @@ def warn_renamed(old: str, new: str, *, stacklevel: int = 3) -> None:
     warnings.warn(message, DeprecationWarning, stacklevel=stacklevel)
 
 
+def refuse_workers(workers: object) -> None:
+    """Raise ValueError for the former argument `workers`, the number of processes of one recording."""
+    if workers is not None:
+        raise ValueError(
+            f"workers is {workers!r}, but one process makes a recording: leave it out. "
+            "`rfgen dataset build` (rfgen_sionna.build_dataset) makes many recordings side by side"
+        )
+
+
 class Renamed:
     """Former name of the attribute or method `new` of a class."""
 

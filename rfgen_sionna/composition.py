@@ -52,7 +52,6 @@ class Reception:
     draws: bool = True
     """Whether the receiver draws from the seed."""
     device: str = "auto"
-    workers: int = 1
 
 
 def compose(
@@ -267,6 +266,7 @@ def _plan(
         shown = array_digest([setting.environment.energy, setting.environment.time_of_arrival])
         refine = request.image_options.refine
         info = replace(info, settings={**info.settings, "image": shown, "refine": refine})
-    options: dict[str, Any] = {"noise": reception.noise, "seed": seed, "receiver": receiver}
-    options |= {"device": reception.device, "workers": reception.workers}
+    options: dict[str, Any] = {
+        "noise": reception.noise, "seed": seed, "receiver": receiver, "device": reception.device,
+    }  # fmt: skip
     return run_plan(simulator, info, view, duration, keep=keep, **options)

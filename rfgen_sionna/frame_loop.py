@@ -1,4 +1,4 @@
-"""Frame loop: one thread traces while another sums, or several processes do both."""
+"""Frame loop: one thread traces while another sums."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.pir.fused_tracer import FusedTracer
-from rfgen_sionna.processes import map_in_processes
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.signal import synthesize
@@ -26,8 +25,6 @@ from rfgen_sionna.tracing.tracer import Tracer
 
 TRIM_INTERVAL = 50
 """Number of frames after which free memory goes back to the system."""
-RUN = 4
-"""Number of consecutive frames that one process computes."""
 SYNTHESIS_SHARE = 0.3
 """Share of the tolerance for the sum of the paths."""
 MIN_EPS = 1e-7
@@ -102,16 +99,14 @@ def frame_samples(
     gains: NDArray[np.complex128] | None,
     device: str,
     begun: Callable[[], None],
-    workers: int,
     start: int = 0,
     keep_paths: bool = False,
 ) -> Iterator[tuple[NDArray[np.complex128], TracedFrame]]:
     """Samples (chirp, tx, rx, sample) of each frame before the receiver, and the traced frame, without its paths unless
     `keep_paths` is set; those of the static scene are with the first frame.
 
-    One worker traces in the caller's thread while another thread sums. Several workers are processes; each traces and
-    sums `RUN` frames at a time, from the facets of the first frame, with the same samples for any number of them.
-    The relative error of the sum of each object is a share of `rtol` (:func:`required_eps`).
+    The caller's thread traces while another thread sums. The relative error of the sum of each object is a share of
+    `rtol` (:func:`required_eps`).
 
     `times` (frame,) are starts of the frames [s]; `gains` and `device` are arguments of
     :func:`rfgen_sionna.signal.synthesize`; `begun` is called after the trace of a static scene. Frames before number
@@ -131,21 +126,6 @@ def frame_samples(
         begun()
         # One synthesis of the static scene for all frames.
         static = samples(partial(tuple, first.static), 0.0, first.num_static)
-    if workers > 1:
-
-        def of_frame(number: int) -> tuple[NDArray[np.complex128], TracedFrame]:
-            frame = trace(float(times[number]))
-            return samples(frame.parts, frame.begin, frame.num_static), emptied(frame)
-
-        if start == 0:
-            yield samples(first.parts, first.begin, first.num_static) + static, emptied(first)
-        runs = [range(begin, min(begin + RUN, len(times))) for begin in range(1, len(times), RUN)]
-        runs = [run for run in runs if run.stop > start]  # whole ones: a run's frames depend on one another
-        numbers = (number for run in runs for number in run)
-        for number, (made, frame) in zip(numbers, map_in_processes(of_frame, runs, workers), strict=True):
-            if number >= start:
-                yield made + static, frame
-        return
     rest, frames = map(trace, times[max(start, 1) :].tolist()), 0
     now: TracedFrame | None = first if start == 0 else next(rest, None)
     with ThreadPoolExecutor(1, "rfgen-samples") as other:

@@ -19,7 +19,6 @@ from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.generative.prompts import CLIP, ScenePrompt
 from rfgen_sionna.generative.prompts.environment_prompt import split_source
 from rfgen_sionna.pir.render import check_view
-from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.checks.actors import OutsidePolicy, Policy
 from rfgen_sionna.scene.mesh_actor import MeshActor
@@ -57,7 +56,6 @@ def check_options(
     collisions: Policy,
     outside: OutsidePolicy,
     device: str,
-    workers: int,
 ) -> tuple[Radar, Receiver]:
     """Placed radar and receiver of the arguments of :func:`rfgen_sionna.pipeline.generate`.
 
@@ -71,7 +69,7 @@ def check_options(
     for name, value in (("overwrite", overwrite), ("resume", resume), ("noise", noise)):
         if not isinstance(value, bool):
             raise TypeError(f"{name} is {value!r}: True or False is needed")
-    check_workers(workers, chosen_device(device))
+    chosen_device(device)
     target = Path("run.h5") if output is None else check_run_output(output, overwrite)
     chosen_view(pir_resolution, fov_deg, projection, split_source(environment)[0])
     radar = placed_radar(radar, preset, board, radar_position, look_at)

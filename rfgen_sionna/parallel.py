@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import lru_cache
-from threading import Condition
+from threading import Lock
 from typing import Any
 
 
@@ -14,7 +14,7 @@ class ThreadLimit:
     function that lifts it."""
 
     def __init__(self, limit: Callable[[], Callable[[], object]]) -> None:
-        self._free, self._holders, self._limit = Condition(), 0, limit
+        self._free, self._holders, self._limit = Lock(), 0, limit
         self._lift: Callable[[], object] | None = None
 
     @contextmanager
@@ -33,18 +33,6 @@ class ThreadLimit:
                     if self._lift is not None:
                         self._lift()
                     self._lift = None
-                    self._free.notify_all()
-
-    @contextmanager
-    def unheld(self) -> Iterator[None]:
-        """Context without holders: it waits for the last one, and new ones wait for its end."""
-        with self._free:
-            self._free.wait_for(lambda: self._holders == 0)
-            yield
-
-    def reset(self) -> None:
-        """Start without holders, in a process forked within :meth:`unheld`."""
-        self._free, self._holders = Condition(), 0
 
 
 @lru_cache(maxsize=1)
@@ -65,14 +53,3 @@ def one_blas_thread() -> Iterator[None]:
     """
     with _BLAS.held():
         yield
-
-
-def no_blas_users() -> AbstractContextManager[None]:
-    """Context in which no thread is in :func:`one_blas_thread`, for a fork. The child calls :func:`reset_after_fork`
-    first."""
-    return _BLAS.unheld()
-
-
-def reset_after_fork() -> None:
-    """Reset the limit of BLAS threads in a forked process."""
-    _BLAS.reset()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from rfgen_sionna._deprecation import warn_renamed
+from rfgen_sionna._deprecation import refuse_workers, warn_renamed
 from rfgen_sionna.composition import Reception, TraceOptions, compose
 from rfgen_sionna.dataset import check_run_output
 from rfgen_sionna.generative.clip_person import chosen_clip
@@ -62,9 +62,9 @@ def generate(
     collisions: Policy = "error",
     outside: OutsidePolicy = "error",
     device: str = "auto",
-    workers: int = 1,
     progress: bool | Progress | None = None,
     report: Callable[[str], None] | None = None,
+    workers: None = None,
 ) -> Run:
     """Radar data of a prompt, of actors, or of both.
 
@@ -148,13 +148,13 @@ def generate(
         Policy for an actor beyond the radar's range window: "error" refuses the run, "ignore" leaves out its returns.
     device
         Device that sums the paths: "cpu", "cuda", or "auto", CUDA if available.
-    workers
-        Number of processes that trace and sum frames, as in :meth:`rfgen_sionna.simulation.Simulator.adc`.
     progress
         True shows a bar; a function is called with the number of finished frames and of all frames.
     report
         Called once, before the first frame, with the interpretation of the prompt and every decision with its origin:
         prompt, argument, default or seed. None logs this text. It is stored (`Run.report`).
+    workers
+        Removed, as in :meth:`rfgen_sionna.simulation.Simulator.adc`.
 
     Returns
     -------
@@ -165,6 +165,7 @@ def generate(
     ValueError, TypeError
         Before any long work, naming the argument, its value and the allowed values.
     """
+    refuse_workers(workers)
     if surroundings is not None:
         warn_renamed("generate(surroundings=…)", "environment='furnished: …'")
         environment = with_source(environment, surroundings)
@@ -191,7 +192,6 @@ def generate(
         collisions=collisions,
         outside=outside,
         device=device,
-        workers=workers,
     )
     image_options = ImageOptions(
         negative_environment, refine, environment_model, environment_lora, None if device == "auto" else device
@@ -231,7 +231,7 @@ def generate(
         duration=duration,
         view=ImageView(resolution, fov, projection),
         trace=TraceOptions(rtol, max_bounces, transmission, outside, collisions),
-        reception=Reception(noise, impairments, noise or receiver is not None, device, workers),
+        reception=Reception(noise, impairments, noise or receiver is not None, device),
         report=report,
     )
     return write_run(target, plans, overwrite=overwrite, resume=resume, progress=progress)

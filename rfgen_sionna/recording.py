@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rfgen_sionna._deprecation import refuse_workers
 from rfgen_sionna.dataset import STANDARD_LABELS, ActorInfo, Run, RunInfo, RunWriter, check_run_output, open_run
 from rfgen_sionna.dataset.actor_bodies import ActorBody
 from rfgen_sionna.dataset.actor_labels import actor_labels
@@ -58,7 +59,6 @@ class Simulation(Protocol):
         seed: int = 0,
         receiver: ReceiverSource | None = None,
         device: str = "auto",
-        workers: int = 1,
         first_frame: int = 0,
         full_scale: float | None = None,
         keep_paths: bool = False,
@@ -111,7 +111,6 @@ def record(
     seed: int = 0,
     receiver: ReceiverSource | None = None,
     device: str = "auto",
-    workers: int = 1,
     pir_resolution: tuple[int, int] | None = None,
     fov_deg: float | tuple[float, float] = 60.0,
     projection: str = "perspective",
@@ -120,6 +119,7 @@ def record(
     overwrite: bool = False,
     resume: bool = False,
     progress: bool | Progress = False,
+    workers: None = None,
 ) -> Run:
     """Write the frames of simulators to one HDF5 file, with meshes, joints and labels of all actors.
 
@@ -130,7 +130,7 @@ def record(
     simulators
         A :class:`~rfgen_sionna.simulation.Simulator`, or those of several radars, as a list or as a dictionary with
         their names in the file. In a list they have the names of their radars, numbered where two are the same.
-    duration, start, noise, seed, receiver, device, workers
+    duration, start, noise, seed, receiver, device
         As in :meth:`rfgen_sionna.simulation.Simulator.adc`, for each simulator.
     pir_resolution, fov_deg, projection
         Pixels (rows, columns), field of view [degrees] and projection of a PIR image of each frame; None stores none.
@@ -145,10 +145,12 @@ def record(
         Whether an existing file is replaced.
     resume
         Whether an interrupted call keeps its frames (`.NAME.partial` beside the file) and the same call continues after
-        them. Of a file that is complete, the same call returns the run. With two or more workers the samples are the
-        same bits as without an interruption; one worker's are within the tolerance.
+        them. Of a file that is complete, the same call returns the run. Samples are within the tolerance of those
+        without an interruption.
     progress
         True shows a bar; a function is called with the numbers of finished frames and of all frames.
+    workers
+        Removed, as in :meth:`rfgen_sionna.simulation.Simulator.adc`.
 
     Returns
     -------
@@ -159,6 +161,7 @@ def record(
     ValueError, TypeError
         Before any long work, naming the argument, its value and the allowed values.
     """
+    refuse_workers(workers)
     for name, value in (("overwrite", overwrite), ("resume", resume)):
         if not isinstance(value, bool):
             raise TypeError(f"{name} is {value!r}: True or False is needed")
@@ -171,8 +174,7 @@ def record(
         info = run_info(
             simulation, simulation.frame_times(duration, start), noise=noise, seed=seed, receiver=receiver,
         )  # fmt: skip
-        options: dict[str, Any] = {"start": start, "noise": noise, "seed": seed, "receiver": receiver}
-        options |= {"device": device, "workers": workers}
+        options: dict[str, Any] = {"start": start, "noise": noise, "seed": seed, "receiver": receiver, "device": device}
         plans[name] = run_plan(simulation, info, view, duration, keep=keep, **options)
     return write_run(output, plans, overwrite=overwrite, resume=resume, progress=progress, words=words)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._deprecation import Renamed
+from rfgen_sionna._deprecation import Renamed, refuse_workers
 from rfgen_sionna._short_repr import ShortRepr, name_list
 from rfgen_sionna.dataset import Run
 from rfgen_sionna.frame_loop import Frame, frame_samples, frame_tracer
@@ -22,7 +22,6 @@ from rfgen_sionna.pir.fusion import concatenate_paths, image
 from rfgen_sionna.pir.projection import check_projection
 from rfgen_sionna.pir.render import check_bounces, check_view
 from rfgen_sionna.pir.view import View
-from rfgen_sionna.processes import check_workers
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.recording import Progress, record
@@ -235,8 +234,8 @@ class Simulator(ShortRepr):
         seed: int = 0,
         receiver: ReceiverSource | None = None,
         device: str = "auto",
-        workers: int = 1,
         progress: Progress | None = None,
+        workers: None = None,
     ) -> AdcCube:
         """Samples of all frames that fit into `duration` [s].
 
@@ -258,11 +257,10 @@ class Simulator(ShortRepr):
         device
             Device that sums the paths: "cpu", "cuda" (the first CUDA device), or "auto", CUDA if available. Each gives
             the same bits again; both are within the tolerance.
-        workers
-            Number of processes that trace and sum frames, each on one core (Linux, without CUDA). All numbers from two
-            on give the same bits; one worker has other facets, within the tolerance.
         progress
             Called after each frame.
+        workers
+            Removed, anything else than None is refused: a data set has processes that make its recordings.
 
         Raises
         ------
@@ -273,9 +271,8 @@ class Simulator(ShortRepr):
             raise TypeError(f"progress is {progress!r}: a function of two numbers of frames, or None, is needed")
         times = self.frame_times(duration, start)
         data = np.empty((len(times), *self.radar.frame_shape), dtype=self.radar.sample_type)
-        for frame in self.frames(
-            duration, start=start, noise=noise, seed=seed, receiver=receiver, device=device, workers=workers
-        ):
+        refuse_workers(workers)
+        for frame in self.frames(duration, start=start, noise=noise, seed=seed, receiver=receiver, device=device):
             data[frame.index] = frame.samples
             if progress is not None:
                 progress(frame.index + 1, len(times))
@@ -290,21 +287,21 @@ class Simulator(ShortRepr):
         seed: int = 0,
         receiver: ReceiverSource | None = None,
         device: str = "auto",
-        workers: int = 1,
         first_frame: int = 0,
         full_scale: float | None = None,
         keep_paths: bool = False,
+        workers: None = None,
     ) -> Iterator[Frame]:
         """Iterator over the frames of :meth:`adc`, with constant memory; it traces the next frame meanwhile.
 
         Frames before number `first_frame` are left out; `full_scale` [sqrt(W)] is then theirs, for an automatic ADC.
         With `keep_paths` frames have their paths (`Frame.traced`).
         """
+        refuse_workers(workers)
         seed, noise = check_whole("seed", seed), _switch("noise", noise)
         first_frame = check_whole("first_frame", first_frame)
         known = chosen_receiver(receiver, self.radar, noise)
         device = chosen_device(device)
-        workers = check_workers(workers, device)
         times = self.frame_times(duration, start)
         begin, end = float(times[0]), float(times[-1]) + self.radar.waveform.frame_length
         self._check_places(begin, end)
@@ -315,14 +312,14 @@ class Simulator(ShortRepr):
         elif not self.transmission and self._surroundings is not None:
             what, rays = "scene's surfaces", self._surroundings
             warn_occluded(self.radar, rays, self.actors, begin, end, what, much=False, stacklevel=2)
-        return self._frames(times, known, seed, device, workers, first_frame, full_scale, keep_paths)
+        return self._frames(times, known, seed, device, first_frame, full_scale, keep_paths)
 
     def _frames(
-        self, times: NDArray[np.float64], receiver: Receiver, seed: int, device: str, workers: int, first: int,
+        self, times: NDArray[np.float64], receiver: Receiver, seed: int, device: str, first: int,
         full_scale: float | None, keep_paths: bool,
     ) -> Iterator[Frame]:  # fmt: skip
         trace, gains = frame_tracer(self.tracer, self._fusion, times), receiver.tx_gains(self.radar, seed)
-        given = self.radar, trace, times, self.rtol, gains, device, self._warn_silent, workers, first, keep_paths
+        given = self.radar, trace, times, self.rtol, gains, device, self._warn_silent, first, keep_paths
         for index, (samples, traced) in enumerate(frame_samples(*given), first):
             capture = receive(samples, self.radar, receiver, seed=seed, frame=index, full_scale=full_scale)
             full_scale, paths = capture.full_scale, traced.image_paths
@@ -333,7 +330,7 @@ class Simulator(ShortRepr):
         """Write the frames of :meth:`adc` to an HDF5 file, with meshes, joints and labels of the actors, and open it.
 
         `options` are those of :func:`rfgen_sionna.record`, which writes several radars to one file: `start`, `noise`,
-        `seed`, `receiver`, `device`, `workers`, `pir_resolution`, `fov_deg`, `projection`, `keep`, `words`,
+        `seed`, `receiver`, `device`, `pir_resolution`, `fov_deg`, `projection`, `keep`, `words`,
         `overwrite`, `resume`, `progress`.
         """
         return record(output, self, duration, **options)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
+from rfgen_sionna._deprecation import refuse_workers
 from rfgen_sionna.cli.console import check_pictures, draw, out, progress, report_written, warn
 
 if TYPE_CHECKING:
@@ -166,15 +167,14 @@ def generate(
     device: Annotated[
         str, typer.Option(help='Device of diffusion and synthesis: "cpu", "cuda" or "auto" (CUDA if available).')
     ] = "auto",
-    workers: Annotated[
-        int, typer.Option(min=1, help="Parallel processes, each on one core (Linux, without CUDA).")
-    ] = 1,
+    workers: Annotated[int | None, typer.Option(hidden=True)] = None,
     pictures: Annotated[bool, typer.Option(help="Write a sheet of pictures (PNG) and an animation (GIF), too.")] = True,
 ) -> None:
     """Simulate a prompt: radar data, PIR images, meshes and labels in one HDF5 file."""
     options: dict[str, Any] = dict(locals())
-    for name in ("surroundings", "no_environment", "strength", "pictures", "actor"):
+    for name in ("surroundings", "no_environment", "strength", "pictures", "actor", "workers"):
         del options[name]
+    refuse_workers(workers)
     from rfgen_sionna.dataset import check_output
     from rfgen_sionna.generative.clip_person import chosen_clip, read_clip_prompt
     from rfgen_sionna.generative.prompts.environment_prompt import with_source

@@ -14,8 +14,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
 
@@ -85,26 +84,6 @@ def ensure_llvm() -> None:
     if not os.environ.get(_ENVIRONMENT):
         os.environ[_ENVIRONMENT] = str(usable_llvm())
     _check_loaded_llvm()
-
-
-def may_use_cuda() -> bool:
-    """Whether tracing in this process uses CUDA, or will use it."""
-    active = _active_variant()
-    return has_cuda() if active is None else active.startswith("cuda")
-
-
-@contextmanager
-def without_threads() -> Iterator[None]:
-    """Context without Dr.Jit threads on the CPU, in which the process may be forked."""
-    import drjit
-
-    count = drjit.thread_count()
-    drjit.sync_thread()
-    drjit.set_thread_count(1)
-    try:
-        yield
-    finally:
-        drjit.set_thread_count(count)
 
 
 def find_llvm() -> list[Path]:

@@ -6,7 +6,6 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ import trimesh
 
 import rfgen_sionna as rfgen
 from rfgen_sionna.scene import CoarseMeshWarning
-from rfgen_sionna.scene.mitsuba_backend import may_use_cuda
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.signal.noise import noise_power
 
@@ -412,59 +410,17 @@ def test_a_frame_that_is_whole_is_handed_over_before_the_next_one_fails(moving: 
         next(frames)
 
 
-FORKS = pytest.mark.skipif(may_use_cuda(), reason="a process that uses CUDA can't be forked")
-
-
-@FORKS
-def test_workers_make_the_samples_of_one(living_room: Any, radar: Any) -> None:
-    """Within the tolerance, in a scene whose static part is traced once."""
-    ball = rfgen.Actor.from_mesh(
-        trimesh.creation.icosphere(subdivisions=2, radius=0.2), material="metal", position=(2, 0.2, 1),
-        velocity=(0.5, 0.3, 0), name="ball",
-    )  # fmt: skip
-    simulator = rfgen.Simulator(living_room, radar, [ball], rtol=1e-2)
-    duration, done = 7 * radar.waveform.frame_period, []
-    one = simulator.adc(duration, seed=3)
-    two = simulator.adc(duration, seed=3, workers=2, progress=lambda *of: done.append(of))
-    assert done == [(n, 7) for n in range(1, 8)]
-    np.testing.assert_array_equal(two.frame_times, one.frame_times)
-    np.testing.assert_array_equal(two.data[0], one.data[0])
-    np.testing.assert_allclose(two.data, one.data, rtol=0, atol=1e-2 * np.abs(one.data).max())
-
-
-@pytest.mark.slow
-@FORKS
-def test_workers_don_t_know_of_one_another_s_frames(radar: Any) -> None:
-    """Of a box that comes near, facets are made finer from frame to frame, whoever traced those before; the radar
-    moves. One worker has others, as right as these."""
-    box = rfgen.Actor.from_mesh(
-        trimesh.creation.box((0.2, 0.3, 0.4)), material="wood", position=(3.5, 0.2, 1), orientation=(0.3, 0, 0),
-        velocity=(-4.0, 0, 0), name="box",
-    )  # fmt: skip
-    moving = replace(radar, trajectory=lambda t: (0.3 * t, 0.0, 1.0))
-    simulator = rfgen.Simulator(None, moving, [box], rtol=1e-3)
-    one, two = (simulator.adc(0.5, noise=False, workers=count).data for count in (1, 2))
-    frames = list(simulator.frames(0.5, noise=False, workers=3))
-    np.testing.assert_array_equal([each.samples.astype(np.complex64) for each in frames], two)
-    assert all(0 < each.report.error < 2e-3 for each in frames)
-    scale = np.abs(one).max()
-    assert 0 < np.abs(two - one).max() < 2e-3 * scale
-
-
-@FORKS
-def test_frames_of_workers_are_handed_over_before_the_next_one_fails(moving: Any, monkeypatch: Any) -> None:
-    whole, trace = moving.adc(0.4, noise=False, workers=2).data, moving.tracer.trace
-
-    def failing(start: float, *rest: Any) -> Any:
-        if start > 0.32:
-            raise RuntimeError("no more")
-        return trace(start, *rest)
-
-    monkeypatch.setattr(moving.tracer, "trace", failing)
-    found = []
-    with pytest.raises(RuntimeError, match="no more"):
-        found.extend(frame.samples.astype(np.complex64) for frame in moving.frames(0.4, noise=False, workers=2))
-    np.testing.assert_array_equal(found, whole[:7])
+def test_workers_are_refused_with_the_cure(moving: Any, tmp_path: Path) -> None:
+    generate: Any = rfgen.generate
+    for call in (
+        lambda: moving.adc(0.1, workers=2),
+        lambda: moving.frames(0.1, workers=1),
+        lambda: moving.record(tmp_path / "run.h5", 0.1, workers=2),
+        lambda: generate("a person waving", workers=4, output=tmp_path / "run.h5"),
+    ):
+        with pytest.raises(ValueError, match=r"workers is \d, .*`rfgen dataset build`"):
+            call()
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_seed_makes_the_noise(moving: Any, radar: Any) -> None:
