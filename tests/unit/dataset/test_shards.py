@@ -10,6 +10,7 @@ import pytest
 
 from rfgen_sionna.dataset import RunFormatError, RunInfo, RunWriter, StoredArray, open_run
 from rfgen_sionna.dataset.shards import assemble_shard, extract_recording, recording_digest, shard_recordings
+from rfgen_sionna.dataset.verified_files import examined
 
 DECLARED = StoredArray(("point", "field"), ragged=True)
 
@@ -47,6 +48,8 @@ def test_any_order_and_time_gives_the_same_bytes(tmp_path, parts):
     assemble_shard(tmp_path / "b.h5", dict(reversed(parts.items())), {"a": "y", "recipe": "x"})
     assert digest(tmp_path / "a.h5") == digest(tmp_path / "b.h5")
     assert not list(tmp_path.glob(".*"))
+    fault, digests = examined(tmp_path / "a.h5")
+    assert (fault, set(digests)) == ("", {0, 1, 7})
 
 
 def test_a_recording_taken_out_and_put_back_is_the_same(tmp_path, parts):
