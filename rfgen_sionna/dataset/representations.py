@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import IntArray
+from rfgen_sionna.dataset.adc_words import AdcWords
 from rfgen_sionna.dataset.schema import StoredArray, StoredAxis
 from rfgen_sionna.processing import drai, micro_doppler, point_cloud, range_axis, range_doppler_power, velocity_axis
 from rfgen_sionna.radar import Radar
@@ -170,8 +171,8 @@ def representation(run: Run, name: str, frames: slice = slice(None)) -> Represen
     numbers = range(*frames.indices(len(run)))
     if name == "adc":
         return Representation(name, run.cube(frames).data, kept.dims, kept.units)
-    if path not in run.arrays:
-        found = [computed(name, run.cube(slice(number, number + 1)).data, run.radar) for number in numbers]
+    if run.stored(path) is None:
+        found = [_computed_frame(name, run, number) for number in numbers]
         return _joined(found) if found else computed(name, np.empty((0, *run.radar.frame_shape)), run.radar)
     stored = run.arrays[path]
     axes = {dim: np.asarray(axis.values) for dim, axis in stored.axes.items()}
@@ -180,6 +181,16 @@ def representation(run: Run, name: str, frames: slice = slice(None)) -> Represen
         return Representation(name, np.asarray(values), kept.dims, kept.units, axes)
     flat = np.concatenate([*values, np.empty((0, len(POINT_FIELDS)), np.float32)])
     return Representation(name, flat, kept.dims, kept.units, axes, np.cumsum([0, *map(len, values)]))
+
+
+def _computed_frame(name: str, run: Run, number: int) -> Representation:
+    """Representation of one frame of a run, of the ADC's words without a cube of samples where that is possible."""
+    adc, radar, kept = run.adc, run.radar, KEPT[name]
+    if name != "range_doppler" or not isinstance(adc, AdcWords):
+        return computed(name, run.cube(slice(number, number + 1)).data, radar)
+    power = range_doppler_power(adc.words[number : number + 1], radar, scale=adc.scale_factor)
+    axes = {"range": range_axis(radar, adc.shape[-1]), "velocity": velocity_axis(radar, adc.shape[1])}
+    return Representation(name, power, kept.dims, kept.units, axes)
 
 
 def _joined(parts: Sequence[Representation]) -> Representation:
