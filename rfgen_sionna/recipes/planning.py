@@ -211,7 +211,7 @@ def plan_dataset(
         tuple(
             StratumPlan(kind, len(own), tuple(made[number] for number in chosen[kind])) for kind, own in kinds.items()
         ),
-        {split: count for split in recipe.splits if (count := sum(spec.split == split for spec in specs)) or True},
+        {split: sum(spec.split == split for spec in specs) for split in recipe.splits},
         dict(Counter(_words(spec) for spec in specs).most_common()),
         recipe.recordings_per_shard,
         start,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -31,7 +32,7 @@ from rfgen_sionna.recipes.value_forms import ValueForm
 
 DRAWN = ("people", "distance_m", "azimuth_deg", "orientation_deg", "duration_s")
 """Keys whose values are drawn for each recording, in the order of their grids after prompts and places."""
-_KEPT_ON_RETRY = ("people", "duration_s")
+_KEPT_ON_RETRY = ("people", "duration_s", "receiver")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,12 +126,12 @@ class Recipe(ShortRepr):
         """Number of recordings."""
         if self.tables.count is not None:
             return self.tables.count
-        cells = max(int(np.prod([size for _, size in self._grids(name)], dtype=np.float64)) for name in self._pools)
-        if cells < 2:
+        cells = math.prod(size for _, size in self._grids(self.splits[0]))
+        if cells < 2 or self.tables.splits is not None:
             raise RecipeError("count is missing: the number of recordings, such as count = 100, is needed")
-        if cells * len(self._pools) > MAX_COUNT:
+        if cells > MAX_COUNT:
             raise RecipeError(f"the grids have {cells} cells; allowed are {MAX_COUNT}: give a count")
-        return cells * len(self._pools)
+        return cells
 
     @cached_property
     def digest(self) -> str:
@@ -199,7 +200,9 @@ class Recipe(ShortRepr):
             return stream(tables.seed, number, 0 if kept else attempt, key)
 
         def value(key: str, form: ValueForm[Any] | None) -> Any:
-            return None if form is None else form.draw(rng(key, key in _KEPT_ON_RETRY), cells.get(key, 0))
+            if form is None or form.is_fixed:
+                return None if form is None else form.values[0]
+            return form.draw(rng(key, key in _KEPT_ON_RETRY), cells.get(key, 0))
 
         def seed(key: str) -> int:
             return derived_seed(tables.seed, number, attempt, key)
@@ -237,7 +240,7 @@ class Recipe(ShortRepr):
             distance_m=value("distance_m", tables.distance_m),
             azimuth_deg=value("azimuth_deg", tables.azimuth_deg),
             orientation_deg=value("orientation_deg", tables.orientation_deg),
-            receiver=self.receivers.draw(rng("receiver", True), cells.get("receiver", 0)),
+            receiver=value("receiver", self.receivers),
             noise=tables.noise,
             rtol=tables.rtol,
             max_bounces=tables.max_bounces,
@@ -336,7 +339,7 @@ def _files(name: str | None) -> list[Path]:
     if name is None:
         return []
     path = Path(name)
-    return sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else [path]
+    return sorted(each for each in path.iterdir() if each.is_file()) if path.is_dir() else [path]
 
 
 def _plain(value: Any) -> Any:

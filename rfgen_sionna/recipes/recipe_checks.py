@@ -12,6 +12,7 @@ from rfgen_sionna.dataset.representations import checked_keep, representation_ar
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE
 from rfgen_sionna.generative.radar_placement import NEAREST, place_before_radar
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.recipes.partitions import parts_of
 from rfgen_sionna.recipes.recipe_error import RecipeError, faults_of
 from rfgen_sionna.recipes.recipe_places import CHECKED_LAYOUTS, Place, interiors
 from rfgen_sionna.recipes.recipe_sources import changes_freely, check_source_file, source_tables
@@ -37,6 +38,7 @@ def check_recipe(recipe: Recipe) -> None:
         RecipeError: it cannot be made; the message names the key, its value and what is allowed.
     """
     _check_keep(recipe)
+    _check_splits(recipe)
     radars = [_check_radar(recipe, number) for number in range(len(recipe.radars))]
     _check_people(recipe)
     _check_bodies(recipe)
@@ -56,6 +58,13 @@ def _check_keep(recipe: Recipe) -> None:
         for source in recipe.sources if "body" in keep else ():
             if soft := changes_freely(source):
                 raise ValueError(f"'body' is in it, and no parameters rebuild '{soft}': keep 'vertices' instead")
+
+
+def _check_splits(recipe: Recipe) -> None:
+    splits = recipe.tables.splits
+    for name, size in ({} if splits is None else parts_of(recipe.count, splits.shares)).items():
+        if size == 0:
+            raise RecipeError(f"splits.shares: '{name}' would be empty with {recipe.count} recordings: give more")
 
 
 def _check_radar(recipe: Recipe, number: int) -> list[Radar]:

@@ -161,6 +161,8 @@ def check_source_file(source: Source) -> None:
         MeshActor.from_mesh(path, material=options.get("material", ""))
     elif path.suffix.lower() in MOTION_SUFFIXES:
         load_any_motion(path, up=options.get("up"), frame_rate=options.get("frame_rate"), index=0, action=path.stem)
+    else:
+        Actor.from_motion(path, up=options.get("up"), frame_rate=options.get("frame_rate"))
 
 
 def check_file(path: Path, folders: bool = False) -> None:

@@ -17,6 +17,11 @@ WAVES = 'count = 20\nprompts = "a person waves"\nradar = "awr1843"\npreset = "mm
     ("text", "message"),
     [
         ("count = 3", "prompts is missing"),
+        (WAVES + "splits = {shares = {a = 0.98, b = 0.02}}", "'b' would be empty with 20 recordings"),
+        (
+            'prompts = {grid = ["a person waves", "a person claps"]}\nsplits = {shares = {a = 0.5, b = 0.5}}',
+            "count is missing",
+        ),
         ('prompts = "a person waves"', "count is missing"),
         ('count = 3\nprompts = ["a person waves", "a person flies to the moon"]', "prompts[1]: action: "),
         ('count = 3\nprompts = ["a person waves, blorb"]', "prompts[0]: "),
@@ -128,6 +133,15 @@ def test_joints_and_clips_are_read(tmp_path: Path) -> None:
     assert (spec.sources[0].kind, spec.sources[0].options, len(spec.bodies)) == ("joints", {"layout": "smpl22"}, 1)
     with pytest.raises(RecipeError, match="people is 2, but a joints is alone"):
         Recipe.parse('count = 3\npeople = 2\n[[sources]]\njoints = "waving.npz"\nlayout = "smpl22"', tmp_path)
+    (tmp_path / "meshes").mkdir()
+    for index in range(3):
+        trimesh.creation.icosphere(1, 0.1 + 0.01 * index).export(tmp_path / "meshes" / f"ball{index}.ply")
+    swelling = 'count = 3\n[[sources]]\nclip = "meshes"\n'
+    with pytest.raises(RecipeError, match=r"sources\[0\]: frame_rate: needed"):
+        Recipe.parse(swelling, tmp_path)
+    clip = Recipe.parse(swelling + "frame_rate = 10.0", tmp_path)
+    assert "vertices" in clip.recording(0).keep
+    assert clip.digest
     (tmp_path / "walk.bvh").write_text("HIERARCHY")
     with pytest.raises(RecipeError, match=r"sources\[0\]: "):
         Recipe.parse('count = 3\n[[sources]]\nclip = "walk.bvh"\nwords = "a tall man"', tmp_path)
