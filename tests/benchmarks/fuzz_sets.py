@@ -8,8 +8,8 @@ bytes, as of an index whose checksum was written anew; "recipe": the recipe is p
 written anew, and the set is opened as a stranger's, whose shards are read in a process of their own first; "shard":
 the changed shard is read by libhdf5 in that process, without any checksum.
 
-Outcomes: "refused" (an error that says why), "same" (all that was read is as it was), "other" (something else was read:
-never without a new checksum), "ended" (the process that read ended: never but of form "shard").
+Outcomes: "refused" (an error that says why), "same" (all that was read is as it was; a recipe that can be read), "other"
+(something else was read: never without a new checksum), "ended" (the process that read ended: never but of "shard").
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import io
 import json
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -123,6 +124,23 @@ def contents(folder: Path) -> str:
     return json.dumps(found, default=repr)
 
 
+VALUES = (
+    "0", "-1", "1e308", "nan", "-inf", "1" * 20, "1e12", "1000000000", '""', '"x"', "[]", "{}", "[[[]]]", "true",
+    "{range = [0, 1e9]}", "{range = [1, 0]}", "{grid = [1, 2, 3]}", "{choice = [], weights = []}",
+    "{choice = [1], weights = [nan]}", '"' + "a" * 100_000 + '"', "[" * 50 + "]" * 50, "1979-05-27", '"../../passwd"',
+)  # fmt: skip
+"""Values in the place of those of a recipe."""
+
+
+def with_other_values(text: str, rng: random.Random) -> str:
+    """A recipe with one to three values replaced by others."""
+    for _ in range(rng.choice((1, 1, 2, 3))):
+        places = [found.span() for found in re.finditer(r'(?<==)[^\n]+|[-\d.]+|"[^"\n]*"', text)]
+        start, stop = rng.choice(places)
+        text = text[:start] + rng.choice(VALUES) + text[stop:]
+    return text
+
+
 def _set_form(folder: Path, before: str, rng: random.Random) -> str:
     path = folder / rng.choice([SHARD, SHARD, INDEX, INDEX, "SHA256SUMS", "recipe.toml"])
     _put(path, mutated(path.read_bytes(), rng))
@@ -138,7 +156,8 @@ def _index_form(folder: Path, before: str, rng: random.Random) -> str:
 def _recipe_form(folder: Path, before: str, rng: random.Random) -> str:
     from rfgen_sionna.recipes import Recipe
 
-    Recipe.parse(mutated(RECIPE, rng).decode(), folder, check=False)
+    text = mutated(RECIPE, rng).decode() if rng.random() < 0.5 else with_other_values(RECIPE.decode(), rng)
+    Recipe.parse(text, folder, check=False).recording(0)
     return "same"
 
 
