@@ -8,7 +8,7 @@ bytes, as of an index whose checksum was written anew; "recipe": the recipe is p
 written anew, and the set is opened as a stranger's, whose shards are read in a process of their own first; "shard":
 the changed shard is read by libhdf5 in that process, without any checksum.
 
-Outcomes: "refused" (an error that says why), "same" (all that was read is as it was; a recipe that can be read), "other"
+Outcomes: "refused" (an error that says why), "same" (what was read is as it was; a recipe can be read), "other"
 (something else was read: never without a new checksum), "ended" (the process that read ended: never but of "shard").
 """
 
