@@ -79,10 +79,15 @@ def _summary(rows: Sequence[IndexRow], failures: int, shards: Sequence[Path]) ->
     seconds, frames = sum(row.duration_s or 0.0 for row in rows), sum(row.frames for row in rows)
     lost = f" {failures} could not be made; `index.sqlite` says why." if failures else ""
     return (
-        f"{len(rows)} recordings, {seconds:.6g} s, {frames} frames, simulated with rfgen_sionna. "
-        f"{len({name for row in rows for name in row.actions})} actions, {len({row.place for row in rows})} places, "
-        f"{len(shards)} shards, {sum(path.stat().st_size for path in shards) / 1e6:.4g} MB.{lost}"
+        f"{_number(len(rows), 'recording')}, {seconds:.6g} s, {frames} frames, simulated with rfgen_sionna. "
+        f"{_number(len({name for row in rows for name in row.actions}), 'action')}, "
+        f"{_number(len({row.place for row in rows}), 'place')}, "
+        f"{_number(len(shards), 'shard')}, {sum(path.stat().st_size for path in shards) / 1e6:.4g} MB.{lost}"
     )
+
+
+def _number(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _contents(run: Run | None) -> Iterable[str]:

@@ -6,6 +6,7 @@ Source: A. Singh et al., "RadHAR", mmNets 2019, and its repository nesl/RadHAR (
 from __future__ import annotations
 
 import math
+import warnings
 import zipfile
 from collections.abc import Iterator, Sequence
 from os import PathLike
@@ -37,7 +38,7 @@ def to_radhar(
     *,
     split: str | None = None,
     radar: str | None = None,
-    voxels: bool = True,
+    voxels: bool | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Path:
@@ -52,7 +53,8 @@ def to_radhar(
     Parameters
     ----------
     voxels
-        Whether the `.npz` files are written; recordings need 62 frames with points or more.
+        Whether the `.npz` files are written; recordings need 62 frames with points or more. None writes them if one is
+        that long, and warns if not.
 
     Raises
     ------
@@ -63,11 +65,12 @@ def to_radhar(
     """
     reader = WindowReader(folder, split, "point_cloud", ("action",), radar=radar, alike=False)
     longest = max(window.count for window in reader.windows)
-    if voxels and longest < WINDOW + _LEFT_OUT:
-        raise ValueError(
-            f"recordings have {longest} frames at most: voxels need {WINDOW + _LEFT_OUT} (RadHAR: 30 frames a second); "
-            "make longer recordings, or export with voxels=False (text alone)"
-        )
+    if voxels is not False and longest < WINDOW + _LEFT_OUT:
+        short = f"recordings have {longest} frames at most: voxels need {WINDOW + _LEFT_OUT} (RadHAR: 30 a second)"
+        if voxels:
+            raise ValueError(f"{short}; make longer recordings, or export with voxels=False (text alone)")
+        warnings.warn(f"{short}; the text of the points is written alone", stacklevel=2)
+        voxels = False
     with new_folder(output, overwrite) as target:
         clouds: dict[tuple[str, str], list[list[FloatArray]]] = {}
         for number, window in enumerate(reader.windows, 1):
@@ -81,7 +84,7 @@ def to_radhar(
             clouds.setdefault((part, action), []).append([points[:, :3] for points in frames if len(points)])
             if progress is not None:
                 progress(number, len(reader.windows))
-        for (part, action), recordings in clouds.items() if voxels else ():
+        for (part, action), recordings in clouds.items() if voxels is not False else ():
             _write_voxels(target / f"{part}_Data_voxels_{action}.npz", recordings, action)
     return Path(output)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna.dataset.reader import Run
 from rfgen_sionna.dataset.recording_set import RecordingSet, open_dataset
-from rfgen_sionna.dataset.representations import REPRESENTATIONS
+from rfgen_sionna.dataset.representations import KEPT, POINT_FIELDS, REPRESENTATIONS
 from rfgen_sionna.dataset.schema import RunFormatError
 
 if TYPE_CHECKING:
@@ -138,13 +138,18 @@ class WindowReader:
     def _array(self, run: Run, representation: str | Computed, frames: slice) -> NDArray[Any]:
         if not isinstance(representation, str):
             return np.asarray(representation(run, frames))
+        path = KEPT[representation].dataset
+        if representation in REPRESENTATIONS and run.stored(path) is not None:
+            stored = run.array(path, frames)
+            return self._padded(stored) if isinstance(stored, list) else stored
         found = run.representation(representation, frames)
-        if found.row_splits is None:
-            return np.asarray(found.values)
-        points = np.zeros((len(found), self.max_points, *found.values.shape[1:]), np.float32)
-        for number in range(len(found)):
-            rows = found.frame(number)[: self.max_points]
-            points[number, : len(rows)] = rows
+        return found.values if found.row_splits is None else self._padded([found.frame(k) for k in range(len(found))])
+
+    def _padded(self, clouds: Sequence[NDArray[Any]]) -> NDArray[np.float32]:
+        """(frame, max_points, field) points of clouds, then zeros."""
+        points = np.zeros((len(clouds), self.max_points, len(POINT_FIELDS)), np.float32)
+        for number, rows in enumerate(clouds):
+            points[number, : len(rows)] = rows[: self.max_points]
         return points
 
     def _label(self, name: str, run: Run, row: IndexRow, frames: slice) -> Any:

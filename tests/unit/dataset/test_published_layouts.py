@@ -109,7 +109,10 @@ def test_radhar_axes_and_units(long_set):
 def test_radhar_windows_need_their_frames(tmp_path):
     folder = make_set(tmp_path / "set", count=1)
     with pytest.raises(ValueError, match=r"5 frames.*voxels=False"):
+        to_radhar(folder, tmp_path / "out", voxels=True)
+    with pytest.warns(UserWarning, match=r"5 frames.*alone"):
         to_radhar(folder, tmp_path / "out")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["Train"]
 
 
 @pytest.fixture(scope="module")
