@@ -118,7 +118,7 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=12, help="recordings of each activity")
     parser.add_argument("--rooms", type=int, default=0, help="empty rooms instead of people")
     parser.add_argument("--part", type=int, nargs=2, default=(0, 1), metavar=("I", "N"), help="every N-th from I on")
-    parser.add_argument("--rtol", type=float, default=0.03)
+    parser.add_argument("--rtol", type=float, default=0.1)
     arguments = parser.parse_args()
     arguments.output.mkdir(parents=True, exist_ok=True)
     if arguments.rooms:
