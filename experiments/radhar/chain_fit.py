@@ -14,6 +14,7 @@ import argparse
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,7 @@ def statistics(recordings: Sequence[CloudRecording]) -> dict[str, Any]:
         "intensity [dB], 5, 25, 50, 75, 95 %": _quantiles(level),
         "median intensity by range [dB]": [
             _quantiles(level[(distance >= low) & (distance < high)], (50,))[0]
-            for low, high in zip(RANGES_M[:-1], RANGES_M[1:], strict=True)
+            for low, high in pairwise(RANGES_M)
         ],
     }
 
