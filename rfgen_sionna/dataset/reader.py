@@ -21,7 +21,7 @@ from rfgen_sionna.dataset.adc_words import AdcWords
 from rfgen_sionna.dataset.hdf5_layout import run_difference
 from rfgen_sionna.dataset.run_file import RunFile, json_names
 from rfgen_sionna.dataset.schema import PIR_CHANNELS, RunFormatError, RunInfo, StoredArray
-from rfgen_sionna.dataset.stored_arrays import array_declaration, array_values
+from rfgen_sionna.dataset.stored_arrays import StoredArrays, array_values
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import AdcCube, Pir
 
@@ -142,8 +142,7 @@ class Run(ShortRepr):
     def arrays(self) -> Mapping[str, StoredArray]:
         """Further arrays of the run by their paths, such as "representations/drai/power"."""
         group = self._opened
-        paths = json_names(self.path, group, "arrays")
-        return {path: array_declaration(group, path) for path in paths if path in group}
+        return StoredArrays(group, json_names(self.path, group, "arrays"))
 
     def array(self, path: str, frames: int | slice = slice(None)) -> NDArray[Any] | list[NDArray[Any]]:
         """Values of one of the :attr:`arrays`, for `frames` if it has frames; of a ragged one a list of arrays."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import h5py
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.dataset.hdf5_layout import create_fixed, create_scale, create_series, describe
-from rfgen_sionna.dataset.schema import RunFormatError, StoredArray, StoredAxis, check_array_path
+from rfgen_sionna.dataset.schema import StoredArray, StoredAxis, check_array_path
 from rfgen_sionna.dataset.run_storage import Storage
 
 COUNT = "_count"
@@ -61,13 +62,22 @@ def append_array(
     counts[frame] = len(array)
 
 
-def array_paths(group: h5py.Group) -> tuple[str, ...]:
-    """Paths of the arrays in a run."""
-    try:
-        found = json.loads(group.attrs.get("arrays", "[]"))
-        return tuple(path for path in found if isinstance(path, str) and path in group)
-    except (ValueError, TypeError) as error:
-        raise RunFormatError(f"{group.file.filename}: attribute 'arrays' is no list of paths ({error})") from error
+class StoredArrays(Mapping[str, StoredArray]):
+    """Declarations of the arrays in the group of a run by their paths; each is read when it is asked for."""
+
+    def __init__(self, group: h5py.Group, paths: Sequence[str]) -> None:
+        self._group, self._paths = group, tuple(path for path in paths if path in group)
+
+    def __getitem__(self, path: str) -> StoredArray:
+        if path not in self._paths:
+            raise KeyError(path)
+        return array_declaration(self._group, path)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._paths)
+
+    def __len__(self) -> int:
+        return len(self._paths)
 
 
 def array_declaration(group: h5py.Group, path: str) -> StoredArray:
