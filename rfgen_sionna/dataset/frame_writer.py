@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.dataset.adc_words import encoded
 from rfgen_sionna.dataset.hdf5_layout import create_label, create_pir, create_run
-from rfgen_sionna.dataset.schema import PIR_CHANNELS, ActorInfo, RunInfo, StoredArray
 from rfgen_sionna.dataset.run_storage import PLAIN, Storage
+from rfgen_sionna.dataset.schema import PIR_CHANNELS, ActorInfo, RunInfo, StoredArray
 from rfgen_sionna.dataset.stored_arrays import add_array, append_array
 from rfgen_sionna.records import Pir
 

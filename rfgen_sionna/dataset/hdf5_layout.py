@@ -10,8 +10,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from rfgen_sionna.dataset.schema import AXES, FORMAT, PIR_CHANNELS, RADARS, VERSION, ActorInfo, Label, RunInfo
 from rfgen_sionna.dataset.run_storage import PLAIN, Storage
+from rfgen_sionna.dataset.schema import AXES, FORMAT, PIR_CHANNELS, RADARS, VERSION, ActorInfo, Label, RunInfo
 from rfgen_sionna.records import Pir
 
 FAR = 1e3

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from rfgen_sionna.dataset.frame_writer import FrameWriter
 from rfgen_sionna.dataset.hdf5_layout import create_radars, run_difference
-from rfgen_sionna.dataset.schema import RADARS, RunInfo, StoredArray
 from rfgen_sionna.dataset.run_storage import Storage
+from rfgen_sionna.dataset.schema import RADARS, RunInfo, StoredArray
 from rfgen_sionna.records import Pir
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna.dataset.hdf5_layout import create_fixed, create_scale, create_series, describe
-from rfgen_sionna.dataset.schema import StoredArray, StoredAxis, check_array_path
 from rfgen_sionna.dataset.run_storage import Storage
+from rfgen_sionna.dataset.schema import StoredArray, StoredAxis, check_array_path
 
 COUNT = "_count"
 """Ending of the array, beside a ragged one, with the number of its rows in each frame."""
