@@ -58,6 +58,7 @@ def _summary(source: Run) -> str:
     limits = f"reaches {radar.max_range:.2f} m and ±{radar.max_velocity:.2f} m/s"
     rows = [
         ("file", f"{source.path} ({source.path.stat().st_size / 1e6:.1f} MB){written}"),
+        *([("recording", _recording_line(source))] if source.recording else []),
         ("prompt", source.prompt or "-"),
         ("negative", source.negative_prompt or "-"),
         ("environment", source.environment or "-"),
@@ -86,6 +87,13 @@ def _summary(source: Run) -> str:
 
 def _table(rows: Sequence[tuple[str, str]]) -> str:
     return "\n".join(f"{name:<12} {text}".rstrip() for name, text in rows)
+
+
+def _recording_line(run: Run) -> str:
+    """What the recipe of a data set said of a recording."""
+    said = run.recording
+    number, split, attempt = said.get("number", "-"), said.get("split", "-"), said.get("attempt", "-")
+    return f"{number} of a data set, split {split}, attempt {attempt}; the file may hold others"
 
 
 def _pir_line(run: Run) -> str:

@@ -273,7 +273,11 @@ function start() {
     row.insertCell();
   }
   if (!page.labels.length) by("rows").insertRow().insertCell().textContent = "none";
-  if (!page.pir.length) document.querySelector("main").className = "plain";
+  const main = document.querySelector("main").classList;
+  main.toggle("plain", !page.pir.length); main.toggle("bare", !page.rangeDoppler);
+  const any = part => page.actors.some(actor => arrays[`${actor.array}.${part}`].size);
+  for (const [id, there] of [["showMesh", any("mesh")], ["showJoints", any("joints")], ["showCloud", arrays.cloud.size]])
+    by(id).disabled = !there;
   if (page.rangeDoppler) panels.push(panel("pictures", page.rangeDoppler));
   for (const plot of page.pir) panels.push(panel("images", plot));
   for (const plot of page.spectrograms) panels.push(panel("times", plot));
