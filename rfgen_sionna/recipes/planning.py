@@ -251,6 +251,10 @@ class ProbeJob:
         path.unlink(missing_ok=True)
         return replace(outcome, memory=size)
 
+    def seed(self, number: int) -> int:
+        """Seed of a recording."""
+        return self.recipe.recording(number).seed
+
 
 @cache
 def warm_up(job: ProbeJob) -> None:

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._short_repr import ShortRepr
-from rfgen_sionna.recipes.partitions import WHOLE_SET, assigned, derived_seed, stream
+from rfgen_sionna.recipes.partitions import WHOLE_SET, assigned, derived_seed, parts_of, stream
 from rfgen_sionna.recipes.recipe_checks import check_recipe
+from rfgen_sionna.recipes.recipe_contents import RecipeContents
 from rfgen_sionna.recipes.recipe_error import RecipeError, faults_of
 from rfgen_sionna.recipes.recipe_places import Place, prompted_place, read_place
 from rfgen_sionna.recipes.recipe_sources import Source, changes_freely, check_file, read_source, source_tables
@@ -26,7 +26,7 @@ from rfgen_sionna.recipes.recipe_tables import MAX_COUNT, RecipeTables
 from rfgen_sionna.recipes.recipe_text import MAX_BYTES, raise_faults, read_tables
 from rfgen_sionna.recipes.recording_sizes import recording_bytes
 from rfgen_sionna.recipes.recording_spec import FREE_SPACE, BodySpec, RecordingSpec
-from rfgen_sionna.recipes.set_radars import SetRadar, set_radars
+from rfgen_sionna.recipes.set_radars import set_radars
 from rfgen_sionna.recipes.split_pools import SplitPools, split_pools
 from rfgen_sionna.recipes.value_forms import ValueForm
 
@@ -36,25 +36,12 @@ _KEPT_ON_RETRY = ("people", "duration_s", "receiver")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Recipe(ShortRepr):
+class Recipe(RecipeContents):
     """A checked recipe; :meth:`load` and :meth:`parse` make one.
 
     All that is drawn derives from the recipe's seed and a recording's number, so that neither order nor number of
     workers changes a recording.
     """
-
-    text: str
-    """The TOML text."""
-    tables: RecipeTables
-    """Its tables, with defaults."""
-    sources: tuple[Source, ...]
-    """Alternatives of what moves."""
-    places: tuple[Place, ...]
-    """Alternatives of surroundings."""
-    radars: tuple[SetRadar, ...]
-    """Radars of every recording."""
-    receivers: ValueForm[Mapping[str, Any] | None]
-    """Impairments of the receivers; None is thermal noise and the radar's own ADC."""
 
     @classmethod
     def load(cls, path: str | PathLike[str], *, check: bool = True) -> Recipe:
@@ -118,6 +105,7 @@ class Recipe(ShortRepr):
         recipe = cls(text, tables, tuple(sources), places, set_radars(tables, located), receivers)
         _ = recipe.count, recipe._pools, recipe.recordings_per_shard
         if check:
+            recipe._check_splits()
             check_recipe(recipe)
         return recipe
 
@@ -163,9 +151,11 @@ class Recipe(ShortRepr):
         shares = {WHOLE_SET: 1.0} if self.tables.splits is None else self.tables.splits.shares
         return assigned(self.count, shares, stream(self.tables.seed, "splits"))
 
-    def layout_seed(self, place: str, number: int) -> int:
-        """Seed of a layout of a pool."""
-        return derived_seed(self.tables.seed, "layout", place, number)
+    def _check_splits(self) -> None:
+        splits = self.tables.splits
+        for name, size in ({} if splits is None else parts_of(self.count, splits.shares)).items():
+            if size == 0:
+                raise RecipeError(f"splits.shares: '{name}' would be empty with {self.count} recordings: give more")
 
     def split_of(self, number: int) -> str:
         """Name of the split of a recording."""

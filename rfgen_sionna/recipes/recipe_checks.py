@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from rfgen_sionna.dataset.representations import checked_keep, representation_ar
 from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE
 from rfgen_sionna.generative.radar_placement import NEAREST, place_before_radar
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.recipes.partitions import parts_of
+from rfgen_sionna.recipes.recipe_contents import RecipeContents
 from rfgen_sionna.recipes.recipe_error import RecipeError, faults_of
 from rfgen_sionna.recipes.recipe_places import CHECKED_LAYOUTS, Place, interiors
 from rfgen_sionna.recipes.recipe_sources import changes_freely, check_source_file, source_tables
@@ -22,23 +21,19 @@ from rfgen_sionna.recipes.value_forms import ValueForm
 from rfgen_sionna.scene.scene import Interior
 from rfgen_sionna.signal.receiver.receiver_record import chosen_receiver
 
-if TYPE_CHECKING:
-    from rfgen_sionna.recipes.recipe import Recipe
-
 BODY_TRAITS = {"gender": "gender", "age_years": "age", "height_m": "height", "weight_kg": "weight", "muscle": "muscle"}
 """Key of the bodies -> attribute in the words of a prompt."""
 STANDING = 0.3
 """Half the width of a standing person [m], who is to be inside a place."""
 
 
-def check_recipe(recipe: Recipe) -> None:
+def check_recipe(recipe: RecipeContents) -> None:
     """Check a recipe whole; no recording is made.
 
     Raises:
         RecipeError: it cannot be made; the message names the key, its value and what is allowed.
     """
     _check_keep(recipe)
-    _check_splits(recipe)
     radars = [_check_radar(recipe, number) for number in range(len(recipe.radars))]
     _check_people(recipe)
     _check_bodies(recipe)
@@ -49,7 +44,7 @@ def check_recipe(recipe: Recipe) -> None:
             check_source_file(source)
 
 
-def _check_keep(recipe: Recipe) -> None:
+def _check_keep(recipe: RecipeContents) -> None:
     keep = recipe.tables.keep
     with faults_of("keep"):
         if len(set(keep)) < len(keep):
@@ -60,14 +55,7 @@ def _check_keep(recipe: Recipe) -> None:
                 raise ValueError(f"'body' is in it, and no parameters rebuild '{soft}': keep 'vertices' instead")
 
 
-def _check_splits(recipe: Recipe) -> None:
-    splits = recipe.tables.splits
-    for name, size in ({} if splits is None else parts_of(recipe.count, splits.shares)).items():
-        if size == 0:
-            raise RecipeError(f"splits.shares: '{name}' would be empty with {recipe.count} recordings: give more")
-
-
-def _check_radar(recipe: Recipe, number: int) -> list[Radar]:
+def _check_radar(recipe: RecipeContents, number: int) -> list[Radar]:
     """The radar at all its places."""
     tables, each = recipe.tables, recipe.radars[number]
     with faults_of(each.path("radar")):
@@ -87,7 +75,7 @@ def _check_radar(recipe: Recipe, number: int) -> list[Radar]:
     return placed
 
 
-def _check_people(recipe: Recipe) -> None:
+def _check_people(recipe: RecipeContents) -> None:
     people = recipe.tables.people
     most = max(people.values)
     for source in recipe.sources if most > 1 else ():
@@ -107,7 +95,7 @@ def _check_people(recipe: Recipe) -> None:
         raise RecipeError(f"people is {most}, but prompts name several places: leave them out, and give places")
 
 
-def _check_bodies(recipe: Recipe) -> None:
+def _check_bodies(recipe: RecipeContents) -> None:
     bodies = recipe.tables.bodies
     for key, trait in BODY_TRAITS.items():
         form = getattr(bodies, key)
@@ -123,7 +111,7 @@ def _check_bodies(recipe: Recipe) -> None:
                 )
 
 
-def _distances(recipe: Recipe, needed: bool) -> dict[float, str]:
+def _distances(recipe: RecipeContents, needed: bool) -> dict[float, str]:
     """Distances that are drawn, or the ends of their range, and their keys.
 
     Args:
@@ -146,7 +134,7 @@ def _distances(recipe: Recipe, needed: bool) -> dict[float, str]:
     return found
 
 
-def _azimuths(recipe: Recipe) -> tuple[float, ...]:
+def _azimuths(recipe: RecipeContents) -> tuple[float, ...]:
     form: ValueForm[float] | None = recipe.tables.azimuth_deg
     return (0.0,) if form is None else form.values
 
@@ -156,7 +144,7 @@ def _spots(radar: Radar, distance: float, azimuths: tuple[float, ...]) -> FloatA
     return np.array([place_before_radar(radar, distance, azimuth)[0] for azimuth in azimuths])
 
 
-def _check_distances(recipe: Recipe, radars: list[list[Radar]]) -> None:
+def _check_distances(recipe: RecipeContents, radars: list[list[Radar]]) -> None:
     """Distances within the range windows, and not too near."""
     with faults_of(recipe.radars[0].path("look_at_m")):
         spots = {
@@ -180,7 +168,7 @@ def _check_distances(recipe: Recipe, radars: list[list[Radar]]) -> None:
                 )
 
 
-def _check_places(recipe: Recipe, radars: list[list[Radar]]) -> None:
+def _check_places(recipe: RecipeContents, radars: list[list[Radar]]) -> None:
     """Radars and the nearest spots of people inside the places, and room for straight ways."""
     duration = min(recipe.tables.duration_s.values)
     fastest = max(recipe.sources, key=lambda source: source.speed_m_s)
@@ -218,7 +206,7 @@ def _holds(room: Interior, spot: FloatArray) -> bool:
     return all(room.contains((x, y, height)) for x, y in corners)
 
 
-def _first_layouts(recipe: Recipe, place: Place) -> tuple[int, ...]:
+def _first_layouts(recipe: RecipeContents, place: Place) -> tuple[int, ...]:
     """Seeds of layouts of the first recordings in a place."""
     if not place.has_layouts:
         return ()

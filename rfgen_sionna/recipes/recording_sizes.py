@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.recipes.recipe_contents import RecipeContents
 from rfgen_sionna.recipes.recipe_error import faults_of
 from rfgen_sionna.recipes.set_radars import load_radar
 from rfgen_sionna.signal import Receiver
 from rfgen_sionna.signal.receiver.receiver_record import chosen_receiver
-
-if TYPE_CHECKING:
-    from rfgen_sionna.recipes.recipe import Recipe
 
 WORD_BITS = 16
 """Most bits of an ADC whose samples are stored as 16-bit words."""
@@ -42,7 +39,7 @@ def samples_bytes(radar: Radar, words: bool) -> int:
     return 2 * parts * math.prod(radar.frame_shape)
 
 
-def recording_bytes(recipe: Recipe) -> float:
+def recording_bytes(recipe: RecipeContents) -> float:
     """Size of the largest recording of a recipe before compression, about [bytes].
 
     Raises:
