@@ -28,25 +28,23 @@ if __name__ == "__main__":  # as a script, from any folder
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tests.benchmarks.measuring import ROOT, code, machine, timed, versions
+from tests.unit.recipes.small_recipes import write_small_recipe
 
 COMMAND = "python tests/benchmarks/dataset.py --output tests/benchmarks/results"
+RFGEN = [sys.executable, "-c", "from rfgen_sionna.cli import main; main()"]
+"""Command line of this checkout."""
 RECIPES = ROOT / "examples" / "recipes"
-SMALL = """
-count = 8
-duration_s = 0.2
-prompts = ["a drone hovers", "a bicycle wheel turns"]
-radar = "position2go"
-distance_m = {range = [2.0, 4.0]}
-rtol = 0.05
-keep = ["adc", "labels"]
-"""
-"""Recordings that take less than a second each."""
 
 
 def _recipe(text: str) -> Any:
     from rfgen_sionna.recipes.recipe import Recipe
 
     return Recipe.parse(text)
+
+
+def _small(folder: Path) -> Path:
+    """Recipe of balls before a tiny radar, whose recordings take less than a second each, in several shards."""
+    return write_small_recipe(folder / "recipe", 12, shard_size="1 MB")
 
 
 def _thousand(count: int, place: str | None = None) -> Any:
@@ -69,7 +67,6 @@ def _shard_bytes(folder: Path) -> int:
 def plan(folder: Path, count: int, workers: int) -> dict[str, Any]:
     """Size and time that the plan of a thousand recordings states, and those of a part of it."""
     from rfgen_sionna.recipes.building import build_dataset
-
     from rfgen_sionna.recipes.planning import plan_dataset
 
     whole = _thousand(1000)
@@ -102,11 +99,11 @@ def rates(folder: Path, count: int, workers: int) -> dict[str, Any]:
     return found
 
 
-def engines(folder: Path) -> dict[str, Any]:
+def engines(folder: Path, count: int) -> dict[str, Any]:
     """Checksums of one process, two, Ray with two local workers, and the reversed order."""
     from rfgen_sionna.recipes.building import build_dataset
 
-    recipe = _recipe(SMALL)
+    recipe = _thousand(count)
     ways: dict[str, dict[str, Any]] = {
         "one process": {"workers": 1},
         "two processes": {"workers": 2},
@@ -126,15 +123,17 @@ def kills(folder: Path, runs: int, seed: int = 0) -> dict[str, Any]:
     from rfgen_sionna.recipes.building import build_dataset
 
     draw = random.Random(seed)
-    path = folder / "small.toml"
-    path.write_text(SMALL, encoding="utf-8")
-    whole = folder / "whole"
-    seconds, _ = timed(lambda: build_dataset(_recipe(SMALL), whole, workers=2))
+    path, whole = _small(folder), folder / "whole"
+    seconds, _ = timed(lambda: build_dataset(path, whole, workers=2))
     expected, outcomes = _sums(whole), []
     for number in range(runs):
         out, target = folder / f"killed-{number}", ("driver", "worker")[number % 2]
-        command = [sys.executable, "-m", "rfgen_sionna.cli", "dataset", "build", str(path), str(out), "--workers", "2"]
-        driver = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        driver = subprocess.Popen(
+            [*RFGEN, "dataset", "build", str(path), str(out), "--workers", "2"],
+            cwd=ROOT,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         time.sleep(draw.uniform(0.3, 1.1) * seconds)
         killed = driver.pid if target == "driver" else draw.choice(_children(driver.pid) or [driver.pid])
         try:
@@ -143,7 +142,7 @@ def kills(folder: Path, runs: int, seed: int = 0) -> dict[str, Any]:
             target = "nothing: it had ended"
         code_ = driver.wait(timeout=600)
         before = sorted(each.name for each in out.glob("shard-*.h5")) if out.is_dir() else []
-        build_dataset(_recipe(SMALL), out, workers=2, resume=True)
+        build_dataset(path, out, workers=2, resume=True)
         outcomes.append({"killed": target, "exit": code_, "shards_before": len(before), "same": _sums(out) == expected})
     return {"runs": runs, "same": sum(each["same"] for each in outcomes), "outcomes": outcomes}
 
@@ -163,7 +162,7 @@ def full_disk(folder: Path) -> dict[str, Any]:
     from rfgen_sionna.recipes.building import build_dataset
     from rfgen_sionna.recipes.repairing import verify_dataset
 
-    recipe, whole = _recipe(SMALL), folder / "whole"
+    recipe, whole = _small(folder), folder / "whole"
     build_dataset(recipe, whole, workers=2)
     size, small = _shard_bytes(whole), folder / "small"
     small.mkdir()
@@ -193,7 +192,8 @@ def damage(folder: Path, flips: int, seed: int = 0) -> dict[str, Any]:
     from rfgen_sionna.recipes.repairing import repair_dataset, verify_dataset
 
     draw, out = random.Random(seed), folder / "set"
-    build_dataset(_recipe(SMALL), out, workers=2)
+    recipe = _small(folder)
+    build_dataset(recipe, out, workers=2)
     expected = _sums(out)
     files = sorted(path for path in out.iterdir() if path.is_file() and not path.name.startswith("."))
     sizes = [path.stat().st_size for path in files]
@@ -211,7 +211,7 @@ def damage(folder: Path, flips: int, seed: int = 0) -> dict[str, Any]:
     repaired = 0
     for path in files:
         _flip(path, draw.randrange(path.stat().st_size), draw.randrange(8))
-        repair_dataset(out)
+        repair_dataset(out, recipe)
         repaired += _sums(out) == expected and not verify_dataset(out)
     return {"flips": flips, "found": found, "missed": missed, "repaired": [repaired, len(files)]}
 
@@ -227,7 +227,6 @@ def _flip(path: Path, place: int, bit: int) -> None:
 def loading(folder: Path, gigabytes: float, workers: int) -> dict[str, Any]:
     """Random and sequential access of a large set, made of copies of the shards of a small one."""
     from rfgen_sionna.recipes.building import build_dataset
-
     from tests.benchmarks.dataset_loading import enlarge, measure_loading
 
     build_dataset(_thousand(8, "free space"), folder / "small", workers=workers)
@@ -241,13 +240,14 @@ def training_loop(folder: Path) -> dict[str, Any]:
     blocks = [block for block in re.findall(r"```python\n(.*?)```", text, flags=re.S) if "RadarDataset" in block]
     if len(blocks) != 1:
         raise RuntimeError(f"the README has {len(blocks)} blocks of Python with RadarDataset: one is needed")
-    command = [sys.executable, "-m", "rfgen_sionna.cli", "dataset", "build"]
     build = re.search(r"rfgen dataset build (\S+) (\S+)", text)
     if build is None:
         raise RuntimeError("the README has no command 'rfgen dataset build RECIPE FOLDER'")
-    subprocess.run([*command, str(ROOT / build[1]), build[2]], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    built = [*RFGEN, "dataset", "build", str(ROOT / build[1]), build[2]]
+    subprocess.run(built, cwd=folder, check=True, stdout=subprocess.DEVNULL, env=environment)
     run = subprocess.run([sys.executable, "-c", blocks[0]], cwd=folder, check=False, capture_output=True, text=True,
-                         env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+                         env=environment)  # fmt: skip
     lines = [line for line in blocks[0].splitlines() if line.strip()]
     return {"lines": len(lines), "exit": run.returncode, "printed": run.stdout.splitlines()[-5:],
             "error": run.stderr.splitlines()[-3:]}  # fmt: skip
@@ -268,7 +268,7 @@ def main() -> int:
     given = parser.parse_args()
     workers = given.workers
     sections: dict[str, Callable[[Path], dict[str, Any]]] = {
-        "engines": engines,
+        "engines": lambda folder: engines(folder, 6),
         "kills": lambda folder: kills(folder, given.kills),
         "full_disk": full_disk,
         "damage": lambda folder: damage(folder, given.flips),
