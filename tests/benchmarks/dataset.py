@@ -128,12 +128,8 @@ def kills(folder: Path, runs: int, seed: int = 0) -> dict[str, Any]:
     expected, outcomes = _sums(whole), []
     for number in range(runs):
         out, target = folder / f"killed-{number}", ("driver", "worker")[number % 2]
-        driver = subprocess.Popen(
-            [*RFGEN, "dataset", "build", str(path), str(out), "--workers", "2"],
-            cwd=ROOT,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+        command = [*RFGEN, "dataset", "build", str(path), str(out), "--workers", "2"]
+        driver = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         time.sleep(draw.uniform(0.3, 1.1) * seconds)
         killed = driver.pid if target == "driver" else draw.choice(_children(driver.pid) or [driver.pid])
         try:
