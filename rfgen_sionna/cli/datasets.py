@@ -12,7 +12,6 @@ from rfgen_sionna.cli.console import err, out, progress, report_written
 
 if TYPE_CHECKING:
     from rfgen_sionna.recipes.building import BuildReport
-    from rfgen_sionna.recipes.recipe import Recipe
 
 _RECIPE = """[bold]A recipe[/bold] is a TOML file. The smallest one:
 
@@ -129,6 +128,7 @@ def plan(
     sheet: Annotated[Path | None, typer.Option(help="Picture of sample scenes to write.", dir_okay=False)] = None,
     probes: Annotated[int, typer.Option(min=0, help="Recordings that are made to measure; 0 only checks.")] = 8,
     workers: Workers = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Check a recipe; say what it makes, how large it is and how long it takes."""
     from rfgen_sionna.recipes import Recipe
@@ -136,7 +136,7 @@ def plan(
 
     read = Recipe.load(recipe)
     with progress("probes") as step:
-        found = plan_dataset(read, probes=probes, workers=workers, sheet=sheet, progress=step)
+        found = plan_dataset(read, probes=probes, workers=workers, sheet=sheet, overwrite=overwrite, progress=step)
     out.print(escape(str(found)), soft_wrap=True, highlight=False)
 
 
@@ -168,9 +168,10 @@ def resume(
 ) -> None:
     """Make what an interrupted build lacks."""
     from rfgen_sionna.recipes.building import build_dataset
+    from rfgen_sionna.recipes.set_facts import recipe_of_set
 
     options: dict[str, Any] = {"engine": engine, "address": address, "gpus_per_worker": gpus_per_worker}
-    read = _recipe_of(folder, recipe)
+    read = recipe_of_set(folder, recipe)
     _report(build_dataset(read, folder, workers=workers, resume=True, progress=True, **options))
 
 
@@ -243,24 +244,6 @@ def export(
     with progress("recordings") as step:
         written = export_dataset(folder, output, format, split=split, overwrite=overwrite, progress=step)
     report_written(written)
-
-
-def _recipe_of(folder: Path, recipe: Path | None) -> Recipe:
-    from rfgen_sionna.recipes import Recipe, RecipeError
-
-    if recipe is not None:
-        return Recipe.load(recipe)
-    stored = folder / "recipe.toml"
-    if not stored.is_file():
-        raise FileNotFoundError(
-            f"'{folder}' has no recipe.toml, so it is no data set; `rfgen dataset build` begins one"
-        )
-    try:
-        return Recipe.load(stored)
-    except RecipeError as error:
-        raise RecipeError(
-            f"{error}. Where files of the recipe are elsewhere, --recipe names the one they lie beside"
-        ) from None
 
 
 def _report(report: BuildReport) -> None:

@@ -22,7 +22,8 @@ from rfgen_sionna.dataset.set_index import IndexRow, write_index
 from rfgen_sionna.dataset.shards import assemble_shard
 from rfgen_sionna.dataset.store import OutputError
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.recipes.building_folder import RECIPE, shard_name
+from rfgen_sionna.recipes.building_folder import shard_name
+from rfgen_sionna.recipes.set_facts import RECIPE
 from rfgen_sionna.resynthesis import Resynthesis, resynthesize
 
 _PARTS = ".augmenting"

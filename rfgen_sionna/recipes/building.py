@@ -5,33 +5,33 @@ A recording's bits depend on the recipe and its number alone. An interrupted bui
 
 from __future__ import annotations
 
-import json
 import logging
 import shutil
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 from rfgen_sionna.dataset.card import CARD, write_card
 from rfgen_sionna.dataset.checksums import read_sums, set_files, write_sums
 from rfgen_sionna.dataset.recording_digest import recording_digest
 from rfgen_sionna.dataset.run_file import open_hdf5
-from rfgen_sionna.dataset.schema import RunFormatError, software_versions
+from rfgen_sionna.dataset.schema import RunFormatError
 from rfgen_sionna.dataset.set_index import INDEX, Failure, read_index, write_index
 from rfgen_sionna.dataset.shards import extract_recording, shard_recordings
 from rfgen_sionna.dataset.store import OutputError
 from rfgen_sionna.dataset.verified_files import SUMS
 from rfgen_sionna.recipes.build_progress import BuildProgress, progress_steps
-from rfgen_sionna.recipes.building_folder import BUILDING, RECIPE, SHARDS, BuildingFolder, is_final
-from rfgen_sionna.recipes.outcome import Job, Outcome, is_disk_full
+from rfgen_sionna.recipes.building_folder import BUILDING, SHARDS, BuildingFolder, is_final
+from rfgen_sionna.recipes.outcome import BuildJob, Job, Outcome, is_disk_full
 from rfgen_sionna.recipes.process_engine import LocalProcesses
 from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.recording_job import RecordingJob
+from rfgen_sionna.recipes.set_facts import RECIPE, SetFacts, note_origin
 
 EngineName = Literal["processes", "ray"]
 Order = Literal["forward", "reversed"] | Sequence[int]
@@ -42,7 +42,7 @@ _LOG = logging.getLogger(__name__)
 class BuildEngine(Protocol):
     """Makes recordings on a machine or on several."""
 
-    def outcomes(self, job: Job, numbers: Iterable[int]) -> Iterator[Outcome]:
+    def outcomes(self, job: Job, numbers: Iterable[int]) -> Generator[Outcome, None, None]:
         """Outcomes of the recordings, in the order in which they end."""
         ...
 
@@ -122,12 +122,14 @@ def build_dataset(
     ValueError, ImportError
         Before any work: an argument or the recipe is wrong, or Ray is missing.
     """
-    recipe = recipe if isinstance(recipe, Recipe) else Recipe.load(recipe)
+    source, recipe = recipe, recipe if isinstance(recipe, Recipe) else Recipe.load(recipe)
     folder = Path(output).absolute()
     _check_output(folder, recipe, resume)
     numbers = _ordered(order, recipe.count)
     folder.mkdir(parents=True, exist_ok=True)
-    state = BuildingFolder(folder, recipe)
+    if not isinstance(source, Recipe):
+        note_origin(folder, source)
+    state = BuildingFolder(folder, SetFacts.of(recipe))
     made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path)
     with state.locked(), progress_steps(progress, recipe.count) as step:
         job = RecordingJob(recipe, state.path, "cpu" if gpus_per_worker == 0 else "cuda")
@@ -137,7 +139,7 @@ def build_dataset(
 def run_build(
     state: BuildingFolder,
     engine: BuildEngine,
-    job: Job,
+    job: BuildJob,
     numbers: Iterable[int],
     step: BuildProgress,
     digests: Mapping[int, str] | None = None,
@@ -167,10 +169,10 @@ def run_build(
     if _is_ended(state):
         state.remove()
         failed = read_index(state.output).failures
-        step(state.recipe.count, len(failed))
-        return BuildReport(state.output, state.recipe.count - len(failed), 0, failed)
+        step(state.facts.count, len(failed))
+        return BuildReport(state.output, state.facts.count - len(failed), 0, failed)
     try:
-        (state.output / RECIPE).write_text(state.recipe.text, encoding="utf-8")
+        (state.output / RECIPE).write_text(state.facts.text, encoding="utf-8")
         done, failures = _present(state)
         missing = [number for number in numbers if number not in done and number not in failures]
         step(len(done) + len(failures), len(failures))
@@ -186,7 +188,7 @@ def run_build(
                     _check_digest(state, outcome.number, digests or {})
                     done.add(outcome.number)
                 else:
-                    failures[outcome.number] = _failure(state, outcome)
+                    failures[outcome.number] = _failure(job, outcome)
                     state.add_failure(failures[outcome.number])
                 _assemble_if_final(state, state.shard_of(outcome.number), failures)
                 step(len(done) + len(failures), len(failures))
@@ -221,8 +223,7 @@ def _check_digest(state: BuildingFolder, number: int, digests: Mapping[int, str]
 def finish(state: BuildingFolder, failures: dict[int, Failure]) -> int:
     """Write index, card and checksums of the shards in a folder; the number of its recordings."""
     folder = state.output
-    meta = {"recipe_digest": state.recipe.digest, "software": json.dumps(software_versions(), sort_keys=True)}
-    index = write_index(folder, meta, tuple(failures.values()))
+    index = write_index(folder, state.facts.meta, tuple(failures.values()))
     known = dict(index.shards)
     write_sums(folder, known)
     write_card(folder)
@@ -230,11 +231,11 @@ def finish(state: BuildingFolder, failures: dict[int, Failure]) -> int:
     return len(index.rows)
 
 
-def _outcomes(engine: BuildEngine, job: Job, numbers: list[int]) -> Any:
+def _outcomes(engine: BuildEngine, job: Job, numbers: list[int]) -> Generator[Outcome, None, None]:
     return engine.outcomes(job, numbers) if numbers else _nothing()
 
 
-def _nothing() -> Iterator[Outcome]:
+def _nothing() -> Generator[Outcome, None, None]:
     yield from ()
 
 
@@ -244,8 +245,8 @@ def _assemble_if_final(state: BuildingFolder, index: int, failures: dict[int, Fa
         state.assemble(index, failures)
 
 
-def _failure(state: BuildingFolder, outcome: Outcome) -> Failure:
-    seed = outcome.seed if outcome.kind != "crashed" else state.recipe.recording(outcome.number).seed
+def _failure(job: BuildJob, outcome: Outcome) -> Failure:
+    seed = outcome.seed if outcome.kind != "crashed" else job.seed(outcome.number)
     return Failure(outcome.number, seed, outcome.kind, outcome.reason)
 
 
@@ -333,15 +334,12 @@ def _is_ended(state: BuildingFolder) -> bool:
         return False
     numbers = {row.number for row in index.rows} | {each.number for each in index.failures if is_final(each)}
     files = {path.name for path in set_files(state.output)}
-    return numbers == set(range(state.recipe.count)) and files == set(sums) >= {CARD, INDEX, RECIPE, *index.shards}
+    return numbers == set(range(state.facts.count)) and files == set(sums) >= {CARD, INDEX, RECIPE, *index.shards}
 
 
 def _ordered(order: Order, count: int) -> list[int]:
-    if order == "forward":
-        return list(range(count))
-    if order == "reversed":
-        return list(range(count))[::-1]
-    numbers = [int(number) for number in order]
+    names = {"forward": range(count), "reversed": range(count)[::-1]}
+    numbers = list(names.get(order, ()) if isinstance(order, str) else map(int, order))
     if sorted(numbers) != list(range(count)):
         raise ValueError(f"order is {order!r}: 'forward', 'reversed' or all numbers from 0 to {count - 1} are needed")
     return numbers

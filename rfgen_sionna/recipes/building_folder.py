@@ -14,11 +14,9 @@ from typing import Any
 from rfgen_sionna.dataset.set_index import Failure
 from rfgen_sionna.dataset.shards import assemble_shard
 from rfgen_sionna.recipes.outcome import FINAL
-from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.recording_job import WORKER_FOLDER, part_name
+from rfgen_sionna.recipes.set_facts import SetFacts
 
-RECIPE = "recipe.toml"
-"""Name of the recipe in the folder of a set."""
 BUILDING = ".building"
 """Name of the folder of a build."""
 SHARDS = "shard-*.h5"
@@ -38,10 +36,9 @@ def shard_name(index: int) -> str:
 class BuildingFolder:
     """Folder of a build; :meth:`locked` opens it for one driver."""
 
-    def __init__(self, output: Path, recipe: Recipe) -> None:
-        self.output, self.recipe = output, recipe
+    def __init__(self, output: Path, facts: SetFacts) -> None:
+        self.output, self.facts = output, facts
         self.path = output / BUILDING
-        self._per_shard = recipe.recordings_per_shard
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -101,16 +98,19 @@ class BuildingFolder:
 
     def numbers(self, index: int) -> range:
         """Numbers of the recordings of a shard."""
-        return range(index * self._per_shard, min((index + 1) * self._per_shard, self.recipe.count))
+        return range(
+            index * self.facts.recordings_per_shard,
+            min((index + 1) * self.facts.recordings_per_shard, self.facts.count),
+        )
 
     @property
     def shard_count(self) -> int:
         """Number of shards of the recipe."""
-        return -(-self.recipe.count // self._per_shard)
+        return -(-self.facts.count // self.facts.recordings_per_shard)
 
     def shard_of(self, number: int) -> int:
         """Number of the shard of a recording."""
-        return number // self._per_shard
+        return number // self.facts.recordings_per_shard
 
     def shard(self, index: int) -> Path:
         """File of a shard."""
@@ -125,15 +125,10 @@ class BuildingFolder:
         made = {number: path for number in numbers if (path := self.part(number)).is_file()}
         if not made or len(made) + sum(number in failures for number in numbers) < len(numbers):
             return False
-        assemble_shard(self.shard(index), made, self.attributes)
+        assemble_shard(self.shard(index), made, self.facts.attributes)
         for path in made.values():
             path.unlink(missing_ok=True)
         return True
-
-    @property
-    def attributes(self) -> dict[str, str]:
-        """Attributes of the shards."""
-        return {"recipe": self.recipe.text, "recipe_digest": self.recipe.digest}
 
     def remove(self) -> None:
         """Remove the state of a finished build."""
@@ -157,10 +152,12 @@ def _lock(handle: int, output: Path) -> None:
     try:
         lock()
     except OSError:
+        holder = ""
         with suppress(OSError, UnicodeDecodeError):
             holder = os.pread(handle, 200, 0).decode().strip()
-            raise BusyError(f"'{output}' is being built by {holder}: wait for its end, or end it") from None
-        raise BusyError(f"'{output}' is being built by another process: wait for its end, or end it") from None
+        raise BusyError(
+            f"'{output}' is being built by {holder or 'another process'}: wait for its end, or end it"
+        ) from None
     with suppress(OSError):
         os.truncate(handle, 0)
         os.pwrite(handle, f"process {os.getpid()} on {os.uname().nodename}, since {time.ctime()}\n".encode(), 0)

@@ -57,6 +57,14 @@ class Job(Protocol):
     def __call__(self, number: int) -> Outcome: ...
 
 
+class BuildJob(Job, Protocol):
+    """Work of a build."""
+
+    def seed(self, number: int) -> int:
+        """Seed of a recording."""
+        ...
+
+
 def is_disk_full(error: BaseException | None) -> bool:
     """Whether an error, or one of its causes, means that the disk has no room."""
     from rfgen_sionna.dataset.disk_space import DiskSpaceError  # a worker that has not begun needs no arrays

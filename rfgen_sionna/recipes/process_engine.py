@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from contextlib import suppress
 from typing import Any
 
@@ -67,7 +67,7 @@ class LocalProcesses:
     def __init__(self, workers: int | None = None, *, gpu: bool = False, max_memory: int = MAX_WORKER_MEMORY) -> None:
         self.workers, self._gpu, self._max_memory = chosen_workers(workers), gpu, max_memory
 
-    def outcomes(self, job: Job, numbers: Iterable[int]) -> Iterator[Outcome]:
+    def outcomes(self, job: Job, numbers: Iterable[int]) -> Generator[Outcome, None, None]:
         """Outcomes of the recordings, in the order in which they end; at the end of the iteration all processes end.
 
         Raises

@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +57,7 @@ class RayCluster:
         self._ray: Any = ray
         self.workers, self._address, self._gpus, self._folder = workers, address or "local", gpus_per_worker, folder
 
-    def outcomes(self, job: Job, numbers: Iterable[int]) -> Iterator[Outcome]:
+    def outcomes(self, job: Job, numbers: Iterable[int]) -> Generator[Outcome, None, None]:
         """Outcomes of the recordings, in the order in which they end.
 
         Raises

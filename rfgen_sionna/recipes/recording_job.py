@@ -62,6 +62,10 @@ class RecordingJob:
         seconds = time.monotonic() - started
         return Outcome(number, kind, reason[:MAX_REASON], seed, attempt, seconds, memory, tuple(noted[:MAX_WARNINGS]))
 
+    def seed(self, number: int) -> int:
+        """Seed of a recording."""
+        return self.recipe.recording(number).seed
+
 
 def _kind(error: Exception) -> OutcomeKind:
     if is_disk_full(error):

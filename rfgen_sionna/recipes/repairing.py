@@ -19,12 +19,13 @@ from rfgen_sionna.dataset.set_index import SetIndex, read_index
 from rfgen_sionna.dataset.shards import extract_recording
 from rfgen_sionna.dataset.verified_files import SUMS
 from rfgen_sionna.recipes.build_progress import progress_steps
-from rfgen_sionna.recipes.building import BuildReport, EngineName, chosen_engine, run_build
-from rfgen_sionna.recipes.building_folder import BUILDING, RECIPE, SHARDS, BuildingFolder, shard_name
-from rfgen_sionna.recipes.outcome import Outcome
+from rfgen_sionna.recipes.building import BuildReport, EngineName, chosen_engine, recordings_in, run_build
+from rfgen_sionna.recipes.building_folder import BUILDING, SHARDS, BuildingFolder, is_final, shard_name
+from rfgen_sionna.recipes.outcome import BuildJob, Outcome
 from rfgen_sionna.recipes.process_engine import LocalProcesses
 from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.recording_job import RecordingJob, part_name
+from rfgen_sionna.recipes.set_facts import RECIPE, SetFacts, recipe_of_set
 
 
 def verify_dataset(folder: str | PathLike[str]) -> list[Damage]:
@@ -83,36 +84,71 @@ def repair_dataset(
     names = {each.file for each in found}
     sums, index = _known(path)
     text = _recipe_text(path, names, sums)
-    chosen = _chosen_recipe(path, recipe, text)
-    state = BuildingFolder(path, chosen)
+    facts = _facts(path, names, index, text)
+    chosen: Recipe | None = None
+    if facts is None:
+        chosen = recipe_of_set(path, recipe, text)
+        facts = SetFacts.of(chosen)
+    state = BuildingFolder(path, facts)
     shards = {shard_name(number): number for number in range(state.shard_count)}
     if unknown := sorted(each for each in names if each.endswith(".h5") and each not in shards):
         raise ValueError(f"'{path / unknown[0]}' is no shard of this set: move it to another folder")
-    made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path)
     digests = {row.number: row.digest for row in index.rows} if index else {}
+    whole = {
+        each.file: set(state.numbers(shards[each.file])) & set(digests) - set(each.recordings)
+        for each in found
+        if each.file in shards
+    }
+    lost = _lost(state, index, whole)
+    if lost:  # only then the recipe's files are needed
+        chosen = chosen or recipe_of_set(path, recipe, facts.text)
+    made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path)
+    device = "cpu" if gpus_per_worker == 0 else "cuda"
+    job: BuildJob = RecordingJob(chosen, state.path, device) if chosen else ExtractionJob(path, state.path, {})
     moved: dict[Path, Path] = {}
-    with state.locked(), progress_steps(progress, chosen.count) as step:
+    with state.locked(), progress_steps(progress, facts.count) as step:
         try:
             for damage in found:
                 if damage.file in shards:
-                    whole = set(state.numbers(shards[damage.file])) & set(digests) - set(damage.recordings)
-                    moved |= _take_apart(state, shards[damage.file], whole, digests)
+                    moved |= _take_apart(state, shards[damage.file], whole[damage.file], digests)
                 else:
                     (path / damage.file).unlink(missing_ok=True)
-            job = RecordingJob(chosen, state.path, "cpu" if gpus_per_worker == 0 else "cuda")
-            report = run_build(state, made_by, job, range(chosen.count), step, digests)
+            numbers = range(facts.count) if chosen else ()
+            report = run_build(state, made_by, job, numbers, step, digests)
         except BaseException:
             for stored, target in moved.items():
                 if stored.exists() and not target.exists():
                     stored.rename(target)
             raise
-    if other := sorted(
-        name for name, digest in read_sums(path).items() if name in shards and sums.get(name, digest) != digest
-    ):
+    new = read_sums(path)
+    if other := sorted(name for name in shards if sums.get(name, new.get(name)) != new.get(name)):
         raise RunFormatError(
             f"'{path / other[0]}' has its recordings back, but not its old checksum: the HDF5 library is another one"
         )
     return report
+
+
+def _lost(state: BuildingFolder, index: SetIndex | None, whole: Mapping[str, set[int]]) -> set[int]:
+    """Recordings that are to be made again; `whole` are those in each damaged shard that are not."""
+    there = set().union(*whole.values())
+    for number in range(state.shard_count):
+        shard = state.shard(number)
+        if shard.name not in whole and shard.is_file():
+            there |= recordings_in(shard)
+    failed = {each.number for each in index.failures if is_final(each)} if index else set()
+    return set(range(state.facts.count)) - there - failed
+
+
+def _facts(path: Path, damaged_files: set[str], index: SetIndex | None, text: str | None) -> SetFacts | None:
+    """Facts of a set by its index or a whole shard; None where neither has them."""
+    if text is None:
+        return None
+    found = SetFacts.stored(index.meta, text) if index else None
+    for shard in sorted(path.glob(SHARDS)):
+        if found is None and shard.name not in damaged_files:
+            with suppress(OSError, ValueError, RuntimeError), open_hdf5(shard) as file:
+                found = SetFacts.stored({key: str(value) for key, value in file.attrs.items()}, text)
+    return found
 
 
 def _set_folder(folder: str | PathLike[str]) -> Path:
@@ -155,18 +191,6 @@ def _recipe_text(path: Path, damaged_files: set[str], sums: Mapping[str, str]) -
     return None
 
 
-def _chosen_recipe(path: Path, recipe: Recipe | str | PathLike[str] | None, text: str | None) -> Recipe:
-    """The recipe of a set, with its files."""
-    if recipe is not None:
-        chosen = recipe if isinstance(recipe, Recipe) else Recipe.load(recipe)
-        if text is not None and chosen.text != text:
-            raise ValueError(f"recipe is another one than that of '{path}': give the one that the set was made from")
-        return chosen
-    if text is None:
-        raise ValueError(f"'{path / RECIPE}' is damaged, and no shard has its text: give the recipe of the set")
-    return Recipe.parse(text, path)
-
-
 @dataclass(frozen=True)
 class ExtractionJob:
     """Takes whole recordings out of a damaged shard, in a process that the shard may end."""
@@ -187,6 +211,10 @@ class ExtractionJob:
             part.unlink(missing_ok=True)
             return Outcome(number, "error", f"{type(error).__name__}: {error}")
         return Outcome(number, "error", "it is damaged")
+
+    def seed(self, number: int) -> int:
+        """Zero: nothing is drawn."""
+        return 0
 
 
 def _take_apart(

@@ -29,3 +29,6 @@ class EchoJob:
             (self.folder / f"end-{number}-{tries}").touch()
             os.kill(os.getpid(), signal.SIGKILL)
         return Outcome(number, "made", str(os.getpid()), memory=resident_memory())
+
+    def seed(self, number: int) -> int:
+        return number

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,6 +46,9 @@ class NoiseJob:
             return Outcome(number, "disk full" if is_disk_full(error) else "error", str(error), seed)
         return Outcome(number, "made", seed=seed, warnings=("a warning",) if number % 2 else ())
 
+    def seed(self, number: int) -> int:
+        return self.recipe.recording(number).seed
+
     def _write(self, path: Path, number: int) -> None:
         rng = np.random.default_rng(number)
         info = RunInfo(
@@ -60,5 +63,5 @@ class NoiseJob:
 class InlineEngine:
     """Engine of the driver's own process."""
 
-    def outcomes(self, job: Job, numbers: Iterable[int]) -> Iterator[Outcome]:
-        return map(job, numbers)
+    def outcomes(self, job: Job, numbers: Iterable[int]) -> Generator[Outcome, None, None]:
+        yield from map(job, numbers)

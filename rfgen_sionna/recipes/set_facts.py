@@ -1,0 +1,105 @@
+"""Facts of a data set that its shards and its index have: enough to repair what needs no new recording."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+from rfgen_sionna.dataset.schema import software_versions
+from rfgen_sionna.recipes.recipe import Recipe
+from rfgen_sionna.recipes.recipe_error import RecipeError
+
+RECIPE = "recipe.toml"
+"""Name of the recipe in the folder of a set."""
+ORIGIN = ".origin"
+"""Name of the file with the folder of the recipe's own files on this machine."""
+
+
+@dataclass(frozen=True)
+class SetFacts:
+    """What a set has been made from."""
+
+    text: str
+    """The recipe (TOML)."""
+    digest: str
+    """SHA-256 of the recipe and its files."""
+    count: int
+    """Number of recordings."""
+    recordings_per_shard: int
+    software: str
+    """Versions of the software (JSON)."""
+
+    @classmethod
+    def of(cls, recipe: Recipe) -> SetFacts:
+        """Facts of a new set."""
+        software = json.dumps(software_versions(), sort_keys=True)
+        return cls(recipe.text, recipe.digest, recipe.count, recipe.recordings_per_shard, software)
+
+    @classmethod
+    def stored(cls, attributes: Mapping[str, str], text: str) -> SetFacts | None:
+        """Facts in the attributes of a shard or of an index; None where they lack."""
+        try:
+            numbers = int(attributes["recordings"]), int(attributes["recordings_per_shard"])
+            return cls(text, str(attributes["recipe_digest"]), *numbers, str(attributes["software"]))
+        except (KeyError, ValueError):
+            return None
+
+    @property
+    def meta(self) -> dict[str, str]:
+        """Facts for the index."""
+        return {
+            "recipe_digest": self.digest, "recordings": str(self.count),
+            "recordings_per_shard": str(self.recordings_per_shard), "software": self.software,
+        }  # fmt: skip
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Attributes of the shards."""
+        return {"recipe": self.text, **self.meta}
+
+
+def note_origin(folder: Path, recipe: str | PathLike[str]) -> None:
+    """Note where the recipe of a set lies on this machine, beside its files."""
+    (folder / ORIGIN).write_text(str(Path(recipe).resolve().parent), encoding="utf-8")
+
+
+def recipe_of_set(folder: Path, recipe: Recipe | str | PathLike[str] | None = None, text: str | None = None) -> Recipe:
+    """The recipe of a set, with its files.
+
+    Parameters
+    ----------
+    folder
+        Folder of the set.
+    recipe
+        The recipe, or its file; None takes that of the set, with files beside its origin.
+    text
+        Text of the recipe; None reads it in the folder.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder has no recipe.
+    ValueError
+        If the recipe is another one, or its files are missing.
+    """
+    stored = folder / RECIPE
+    if text is None and not stored.is_file():
+        raise FileNotFoundError(f"'{folder}' has no {RECIPE}, so it is no data set; `rfgen dataset build` begins one")
+    text = stored.read_text(encoding="utf-8") if text is None else text
+    if recipe is not None:
+        chosen = recipe if isinstance(recipe, Recipe) else Recipe.load(recipe)
+        if chosen.text != text:
+            raise ValueError(f"recipe is another one than that of '{folder}': give the one that the set was made from")
+        return chosen
+    origin = folder / ORIGIN
+    beside = Path(origin.read_text(encoding="utf-8")) if origin.is_file() else folder
+    try:
+        return Recipe.parse(text, beside)
+    except RecipeError as error:
+        raise RecipeError(
+            f"{error}. Where the recipe's files lie beside the recipe that the set was built from, give that one: "
+            "recipe=…, or --recipe FILE"
+        ) from None
