@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,6 +76,8 @@ class WindowReader:
         of a window.
     alike
         Whether all windows must have the same number of frames.
+    own
+        Functions that compute representations instead of the package's own ones, by their names.
 
     Raises
     ------
@@ -94,6 +97,7 @@ class WindowReader:
         stride_s: float | None = None,
         max_points: int = MAX_POINTS,
         alike: bool = True,
+        own: Mapping[str, Computed] = MappingProxyType({}),
     ) -> None:
         whole = folder if isinstance(folder, RecordingSet) else open_dataset(folder)
         self.recordings = whole if split is None else whole.split(split)
@@ -103,7 +107,7 @@ class WindowReader:
         self.places = tuple(sorted({row.place for row in whole.rows}))
         self.num_actors = max((len(row.actions) for row in whole.rows), default=0)
         self.representations = dict(representation) if isinstance(representation, Mapping) else {"": representation}
-        self.labels, self.radar, self.max_points = tuple(labels), radar, max_points
+        self.labels, self.radar, self.max_points, self.own = tuple(labels), radar, max_points, dict(own)
         for name, value in (("window_s", window_s), ("stride_s", stride_s)):
             if value is not None and not value > 0:
                 raise ValueError(f"{name} is {value!r}: more than 0 s is needed")
@@ -112,17 +116,15 @@ class WindowReader:
         if max_points < 1:
             raise ValueError(f"max_points is {max_points}: at least 1 is needed")
         self.joint_names: tuple[str, ...] = ()
+        if radar is None and len(names := self.recordings.radars) > 1:
+            raise ValueError(f"recordings have the radars {', '.join(map(repr, names))}: radar must name one of them")
         self._check(self.run(0))
         self.windows = tuple(self._windows(window_s, stride_s, alike))
 
     def run(self, position: int) -> Run:
         """Run of the chosen radar in the recording at `position`."""
         run = self.recordings[position]
-        if self.radar is not None:
-            return run[self.radar]
-        if len(names := tuple(run.radars)) > 1:
-            raise ValueError(f"recordings have the radars {', '.join(map(repr, names))}: radar must name one of them")
-        return run
+        return run if self.radar is None else run[self.radar]
 
     def arrays(self, window: TimeWindow, run: Run | None = None) -> dict[str, NDArray[Any]]:
         """Arrays of a window by their names; a single representation has the name ""."""
@@ -142,6 +144,8 @@ class WindowReader:
         if representation in REPRESENTATIONS and run.stored(path) is not None:
             stored = run.array(path, frames)
             return self._padded(stored) if isinstance(stored, list) else stored
+        if representation in self.own:
+            return np.asarray(self.own[representation](run, frames))
         found = run.representation(representation, frames)
         return found.values if found.row_splits is None else self._padded([found.frame(k) for k in range(len(found))])
 

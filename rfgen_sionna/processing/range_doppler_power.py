@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -16,10 +17,17 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
 Single = NDArray[np.float32]
+Transform = Callable[[NDArray[Any]], NDArray[np.complex64]]
+"""Fourier transform over chirps and samples, as :func:`scipy_transform`."""
 
 
 def range_doppler_power(
-    cube: ArrayLike, radar: Radar, *, scale: float | None = None, static: bool = True
+    cube: ArrayLike,
+    radar: Radar,
+    *,
+    scale: float | None = None,
+    static: bool = True,
+    transform: Transform | None = None,
 ) -> NDArray[np.float32]:
     """`range_doppler(cube, radar, static=static).power` in single precision, with a tenth of the memory.
 
@@ -32,6 +40,9 @@ def range_doppler_power(
         Samples [sqrt(W)] of a word of 1; needed for words.
     static
         Whether static returns are kept.
+    transform
+        Fourier transform over axes 0 and 2 of samples (chirp, channel, sample) in single precision, which it may
+        overwrite; real ones have the one-sided spectrum; the last axis stays contiguous. None takes SciPy's; PyTorch's takes a quarter of its time.
 
     Returns
     -------
@@ -55,7 +66,11 @@ def range_doppler_power(
         array, shape, scale = check_cube(array, radar), array.shape, 1.0
     plain = radar.waveform.slope > 0 and not uses_doppler_bands(radar)
     frames = array.reshape(-1, *array.shape[len(shape) - 4 :])
-    maps = [(_quick if plain else _general)(frame, radar, words, float(scale or 1.0), static) for frame in frames]
+    step = float(scale or 1.0)
+    if plain:
+        maps = [_quick(frame, radar, words, step, static, transform or scipy_transform) for frame in frames]
+    else:
+        maps = [_general(frame, radar, words, step, static) for frame in frames]
     return np.stack(maps).reshape(*shape[:-4], *maps[0].shape)
 
 
@@ -73,7 +88,13 @@ def _general(frame: NDArray[Any], radar: Radar, words: bool, scale: float, stati
     return np.asarray(power * scale**2, np.float32)
 
 
-def _quick(frame: NDArray[Any], radar: Radar, words: bool, scale: float, static: bool) -> Single:
+def scipy_transform(samples: NDArray[Any]) -> NDArray[np.complex64]:
+    """Fourier transform of samples (chirp, channel, sample) over chirps and samples; one-sided of real samples."""
+    spectrum = (fft.fft if samples.dtype.kind == "c" else fft.rfft)(samples, axis=2, overwrite_x=True)
+    return np.asarray(fft.fft(spectrum, axis=0, overwrite_x=True))
+
+
+def _quick(frame: NDArray[Any], radar: Radar, words: bool, scale: float, static: bool, transform: Transform) -> Single:
     """Map of a radar with a rising ramp and no Doppler bands."""
     samples = _samples(frame, radar, words)
     chirps, channels = samples.shape[0], samples.shape[1] * samples.shape[2]
@@ -83,9 +104,7 @@ def _quick(frame: NDArray[Any], radar: Radar, words: bool, scale: float, static:
         flat = samples.view(np.float32).reshape(chirps, -1)
         flat -= np.einsum("c,cx->x", slow, flat)  # a matrix product would take the cores of other workers
     samples *= slow[:, None, None] * fast
-    spectrum = (fft.rfft if radar.adc.real else fft.fft)(samples, axis=2, overwrite_x=True)
-    spectrum = fft.fft(spectrum, axis=0, overwrite_x=True)
-    parts = spectrum.view(np.float32)
+    parts = transform(samples).view(np.float32)
     power = np.einsum("cnr,cnr->cr", parts, parts)
     power = power[:, 0::2] + power[:, 1::2]
     # Real samples have half their power at negative frequencies.

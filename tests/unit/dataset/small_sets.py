@@ -22,6 +22,11 @@ ACTIONS = ("push", "wave")
 JOINTS = JOINT_NAMES[:NUM_BODY_JOINTS]
 _POINTS = ((0.0, 0.1, 0.1), (1.0, -0.3, 0.3), (2.0, 0.3, -0.2), (3.0, -0.1, 0.0))
 """Distance beyond the nearest point [m], azimuth and elevation [rad] of each point."""
+FULL_SCALE = 1e-4
+"""Largest I or Q of the ADC [sqrt(W)]."""
+_RECEIVER = {"thermal_noise": True, "adc": {"bits": 16}}
+STEP = FULL_SCALE / 2**15
+"""Step of the ADC of 16 bits [sqrt(W)]."""
 _FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]], np.int32)
 
 
@@ -62,7 +67,7 @@ def frames_of(radar, number, action, count, seed=0):
             tau = (2 * distance - (radar.virtual_positions @ direction)[None, ..., None]) / SPEED_OF_LIGHT
             samples += 1e-6 * np.exp(2j * np.pi * (radar.center_frequency * tau + wave.slope * tau * wave.sample_times))
         noise = rng.standard_normal((2, *radar.frame_shape))
-        adc = samples + 1e-7 * (noise[0] + 1j * noise[1])
+        adc = STEP * np.round((samples + 1e-7 * (noise[0] + 1j * noise[1])) / STEP)
         world, joints = [], []
         for joint, parent in enumerate(PARENTS[: len(JOINTS)]):
             own = turns[joint] ** (0.5 + time)
@@ -87,6 +92,7 @@ def write_part(path, number, action, split, *, frames=5, keep=("adc", "joints", 
     info = RunInfo(
         radar, prompt=f"a person does a {action}", environment=given.place, seeds={"noise": given.seed},
         actors=(actor,), labels=labels, arrays=arrays, recording=given.to_dict(), software={"rfgen_sionna": "0"},
+        receiver=_RECEIVER,
     )  # fmt: skip
     infos = info if radars == ("",) else dict.fromkeys(radars, info)
     with RunWriter(path, infos, keep=keep, words=words, compressed=True, dated=False) as writer:
@@ -96,7 +102,7 @@ def write_part(path, number, action, split, *, frames=5, keep=("adc", "joints", 
                 writer.append(
                     adc=adc.astype(np.complex64), time=time, mesh_time=time, joints={"person": joints},
                     labels={"action": [action], "position": joints[:1], "distance": [3.0]},
-                    arrays=dict.fromkeys(arrays, turns), **more,
+                    arrays=dict.fromkeys(arrays, turns), full_scale=FULL_SCALE, **more,
                 )  # fmt: skip
 
 

@@ -9,8 +9,11 @@ import torch
 from torch.utils.data import DataLoader
 
 from rfgen_sionna.dataset import open_dataset
+from rfgen_sionna.dataset.adc_words import AdcWords
 from rfgen_sionna.dataset.shards import assemble_shard
-from rfgen_sionna.dataset.torch import RadarDataset, StreamingRadarDataset, to_db
+from rfgen_sionna.dataset.torch import RadarDataset, StreamingRadarDataset, to_db, torch_transform
+from rfgen_sionna.processing import range_doppler
+from rfgen_sionna.processing.range_doppler_power import scipy_transform
 from tests.unit.dataset.small_sets import ACTIONS, JOINTS, finish, make_set, write_part
 
 
@@ -34,6 +37,27 @@ def test_items_are_maps_and_class_numbers(folder):
     with open_dataset(folder).split("train")[0] as run:
         np.testing.assert_allclose(x, run.representation("range_doppler").values)
         assert data.classes[y] == run.stored("labels/action").asstr()[0, 0]
+
+
+@pytest.mark.parametrize("real", [False, True])
+def test_the_transform_of_torch_is_that_of_scipy(real):
+    rng = np.random.default_rng(0)
+    samples = rng.standard_normal((8, 3, 16)).astype(np.float32)
+    if not real:
+        samples = (samples + 1j * rng.standard_normal((8, 3, 16))).astype(np.complex64)
+    found = torch_transform(samples.copy())
+    np.testing.assert_allclose(found, scipy_transform(samples.copy()), atol=1e-4)
+    assert found.view(np.float32).shape[2] == 2 * (9 if real else 16)
+
+
+def test_maps_of_words_are_those_of_samples(tmp_path):
+    folder = make_set(tmp_path / "set", count=2, words=True)
+    data = RadarDataset(folder, None)
+    with open_dataset(folder)[0] as run:
+        assert isinstance(run.adc, AdcWords)
+        power = range_doppler(run.adc[:], run.radar).power
+        np.testing.assert_allclose(data[0][0], power, rtol=1e-4, atol=1e-6 * power.max())
+        np.testing.assert_array_equal(run.representation("range_doppler").values.shape, data[0][0].shape)
 
 
 @pytest.mark.parametrize("context", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])
