@@ -10,11 +10,13 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import h5py
 
+from rfgen_sionna.dataset.guarded_file import GuardedFile
 from rfgen_sionna.dataset.recording_digest import (
     DERIVED,
     axes_of,
@@ -66,7 +68,7 @@ def assemble_shard(target: Path, parts: Mapping[int, Path], attributes: Mapping[
     """
     temporary = target.parent / f".{target.name}.{os.getpid()}.tmp"
     try:
-        with h5py.File(temporary, "w", libver=LIBVER) as shard:
+        with closing(GuardedFile(temporary)) as guarded, h5py.File(guarded, "w", libver=LIBVER) as shard:
             heading = {"format": SHARD_FORMAT, "format_version": VERSION, "Conventions": f"{FORMAT}-{VERSION}"}
             shard.attrs.update(heading | dict(sorted((attributes or {}).items())))
             recordings = shard.create_group(RECORDINGS)
@@ -76,6 +78,8 @@ def assemble_shard(target: Path, parts: Mapping[int, Path], attributes: Mapping[
                     copied = recordings.create_group(recording_name(number))
                     copy_run(source, copied)
                     copied.attrs["digest"] = recording_digest(source)
+                guarded.check()
+        guarded.check()
         synced(temporary)
         os.replace(temporary, target)
         synced(target.parent)
@@ -202,12 +206,17 @@ def extract_recording(shard: Path, number: int, target: Path) -> None:
     """
     temporary = target.parent / f".{target.name}.{os.getpid()}.tmp"
     try:
-        with open_hdf5(shard) as file, h5py.File(temporary, "w", libver=LIBVER) as made:
+        with (
+            closing(GuardedFile(temporary)) as guarded,
+            open_hdf5(shard) as file,
+            h5py.File(guarded, "w", libver=LIBVER) as made,
+        ):
             check_format(shard, file, SHARD_FORMAT)
             name = f"{RECORDINGS}/{recording_name(number)}"
             if name not in file:
                 raise RunFormatError(f"'{shard}' has no recording {number}")
             copy_run(file[name], made)
+        guarded.check()
         synced(temporary)
         os.replace(temporary, target)
     except BaseException:

@@ -14,6 +14,7 @@ import h5py
 from numpy.typing import ArrayLike
 
 from rfgen_sionna.dataset.frame_writer import FrameWriter
+from rfgen_sionna.dataset.guarded_file import GuardedFile
 from rfgen_sionna.dataset.hdf5_layout import create_radars, run_difference
 from rfgen_sionna.dataset.run_storage import Storage
 from rfgen_sionna.dataset.schema import RADARS, RunInfo, StoredArray
@@ -118,12 +119,17 @@ class RunWriter:
         self._overwrite, self._resume = overwrite, resume
         self._partial = self.path.parent / f".{self.path.name}.partial{'' if resume else f'-{os.getpid()}'}"
         self._file: h5py.File | None = None
+        self._guarded: GuardedFile | None = None
         self._writers: dict[str, FrameWriter] = {}
 
     def __enter__(self) -> RunWriter:
         continued = self._resume and self._partial.exists()
         try:
-            self._file = h5py.File(self._partial, "r+" if continued else "w", libver=self.storage.libver)
+            # Frames of a run that is continued are on the disk after each: HDF5 writes that file itself.
+            self._guarded = GuardedFile(self._partial) if self.storage.compressed and not self._resume else None
+            self._file = h5py.File(
+                self._guarded or self._partial, "r+" if continued else "w", libver=self.storage.libver
+            )
         except OSError as error:
             raise OutputError(
                 f"output '{self.path}': its frames in '{self._partial}' cannot be opened ({error}); another process "
@@ -139,8 +145,7 @@ class RunWriter:
                 group = self._file.require_group(f"{RADARS}/{name}") if name else self._file
                 self._writers[name] = FrameWriter(group, info, self.storage)
         except BaseException:
-            self._file.close()
-            self._file = None
+            self._close()
             if not continued:
                 self._partial.unlink(missing_ok=True)
             raise
@@ -165,8 +170,10 @@ class RunWriter:
             self._abort()
             raise OutputError(f"output '{self.path}': no frame was written")
         try:
-            self._opened.close()
-            self._file = None
+            _ = self._opened
+            self._close()
+            if self._guarded is not None:
+                self._guarded.check()
             _sync(self._partial)
         except BaseException:
             self._abort()
@@ -255,6 +262,8 @@ class RunWriter:
         )  # fmt: skip
         if self._resume:
             self._opened.flush()
+        if self._guarded is not None:
+            self._guarded.check()
 
     @property
     def _opened(self) -> h5py.File:
@@ -280,12 +289,19 @@ class RunWriter:
         with suppress(OSError):
             _sync(self.path.parent)
 
-    def _abort(self) -> None:
+    def _close(self) -> None:
         try:
             if self._file is not None:
                 self._file.close()
         finally:
             self._file = None
+            if self._guarded is not None:
+                self._guarded.close()
+
+    def _abort(self) -> None:
+        try:
+            self._close()
+        finally:
             if not (self._resume and self.frames):
                 self._partial.unlink(missing_ok=True)
 
