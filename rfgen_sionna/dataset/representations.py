@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,28 @@ from rfgen_sionna.dataset.adc_words import AdcWords
 from rfgen_sionna.dataset.schema import StoredArray, StoredAxis
 from rfgen_sionna.processing import drai, micro_doppler, point_cloud, range_axis, range_doppler_power, velocity_axis
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.records import AdcCube
 
-if TYPE_CHECKING:
-    from rfgen_sionna.dataset.reader import Run
+
+class SampledRun(Protocol):
+    """Run that representations are read from, or computed of: a :class:`rfgen_sionna.dataset.Run`."""
+
+    @property
+    def adc(self) -> Any: ...
+
+    @property
+    def radar(self) -> Radar: ...
+
+    @property
+    def arrays(self) -> Mapping[str, StoredArray]: ...
+
+    def __len__(self) -> int: ...
+
+    def stored(self, path: str) -> Any: ...
+
+    def array(self, path: str, frames: slice) -> Any: ...
+
+    def cube(self, frames: slice) -> AdcCube: ...
 
 
 @dataclass(frozen=True)
@@ -156,7 +175,7 @@ def _points(frame: NDArray[Any], radar: Radar) -> NDArray[np.float32]:
     return np.stack([np.asarray(column) for column in columns.values()], axis=1).astype(np.float32)
 
 
-def representation(run: Run, name: str, frames: slice = slice(None)) -> Representation:
+def representation(run: SampledRun, name: str, frames: slice = slice(None)) -> Representation:
     """Representation of the `frames` of a run, as stored, or computed from its samples; "adc" are the samples.
 
     Raises
@@ -183,7 +202,7 @@ def representation(run: Run, name: str, frames: slice = slice(None)) -> Represen
     return Representation(name, flat, kept.dims, kept.units, axes, np.cumsum([0, *map(len, values)]))
 
 
-def _computed_frame(name: str, run: Run, number: int) -> Representation:
+def _computed_frame(name: str, run: SampledRun, number: int) -> Representation:
     """Representation of one frame of a run, of the ADC's words without a cube of samples where that is possible."""
     adc, radar, kept = run.adc, run.radar, KEPT[name]
     if name != "range_doppler" or not isinstance(adc, AdcWords):
