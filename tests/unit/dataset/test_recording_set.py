@@ -158,3 +158,10 @@ def test_what_is_no_set(tmp_path):
         open_dataset(tmp_path)
     with pytest.raises(TypeError, match="folder is 3"):
         open_dataset(3)
+
+
+def test_a_folder_of_any_name(small_set):
+    odd = small_set.rename(small_set.parent / "a set?mode=rwc#%41 é")
+    write_sums(odd)
+    with open_dataset(odd) as recordings:
+        assert recordings[0].adc[0].shape
