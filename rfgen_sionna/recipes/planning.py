@@ -18,6 +18,7 @@ import numpy as np
 
 from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna.dataset import check_output
+from rfgen_sionna.dataset.shards import assemble_shard
 from rfgen_sionna.recipes.outcome import Outcome
 from rfgen_sionna.recipes.partitions import stream
 from rfgen_sionna.recipes.process_engine import LocalProcesses, chosen_workers
@@ -45,7 +46,7 @@ class Probe:
     seconds: float
     """Time of one process [s]."""
     size: int
-    """Size of its file [bytes]; 0 if it could not be made."""
+    """Size in a shard [bytes]; 0 if it could not be made."""
     attempt: int = 0
     """Draws before it that could not be made."""
     reason: str = ""
@@ -243,13 +244,17 @@ class ProbeJob:
     """Recording of that frame."""
 
     def __call__(self, number: int) -> Outcome:
-        """Make one recording; `memory` of the outcome is the size of its file instead [bytes]."""
+        """Make one recording, and leave a shard of it alone, whose size counts."""
         warm_up(self)
-        outcome = RecordingJob(self.recipe, self.folder)(number)
-        path = self.folder / part_name(number)
-        size = path.stat().st_size if outcome.kind == "made" else 0
+        outcome, path = RecordingJob(self.recipe, self.folder)(number), self.folder / part_name(number)
+        if outcome.kind == "made":
+            assemble_shard(self.shard(number), {number: path}, {})
         path.unlink(missing_ok=True)
-        return replace(outcome, memory=size)
+        return outcome
+
+    def shard(self, number: int) -> Path:
+        """Path of the shard of a recording."""
+        return self.folder / f"shard-{number:06d}.h5"
 
     def seed(self, number: int) -> int:
         """Seed of a recording."""
@@ -265,7 +270,7 @@ def warm_up(job: ProbeJob) -> None:
     spec = job.recipe.recording(job.first)
     frame = max(load_radar(radar).waveform.frame_length for radar in spec.radars)
     path = job.folder / f"warm-{os.getpid()}.h5"
-    with suppress(ValueError), collected_warnings():  # a placement that cannot be is no fault of the warm-up
+    with suppress(Exception), collected_warnings():  # the recording itself says what is wrong with it
         make_recording(replace(spec, duration_s=min(spec.duration_s, 1.01 * frame)), path)
     path.unlink(missing_ok=True)
 
@@ -281,8 +286,10 @@ def _made(
         job, before, start = ProbeJob(recipe, Path(folder), numbers[0]), time.perf_counter(), math.inf
         for done, made in enumerate(LocalProcesses(workers).outcomes(job, numbers), 1):
             start = min(start, time.perf_counter() - before - made.seconds)
-            reason = "" if made.kind == "made" else made.reason
-            found[made.number] = Probe(made.number, made.seconds, made.memory, made.attempt, reason)
+            shard, reason = job.shard(made.number), "" if made.kind == "made" else made.reason or made.kind
+            size = 0 if reason else shard.stat().st_size
+            shard.unlink(missing_ok=True)
+            found[made.number] = Probe(made.number, made.seconds, size, made.attempt, reason)
             if progress is not None:
                 progress(done, len(numbers))
     return max(0.0, start), found

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from rfgen_sionna.recipes import Recipe
+from rfgen_sionna.recipes import Recipe, build_dataset
 from rfgen_sionna.recipes.plan_sheet import draw_sample_scenes, sample_recordings
 from rfgen_sionna.recipes.planning import (
     INDEX_BYTES,
@@ -19,6 +19,7 @@ from rfgen_sionna.recipes.planning import (
 )
 
 from .recipe_texts import FULL, SHORT
+from .small_recipes import write_small_recipe
 
 
 def test_a_plan_without_probes_counts_everything() -> None:
@@ -95,9 +96,12 @@ def test_the_sheet_shows_rooms_and_people(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_plan_holds_for_what_is_then_made(tmp_path: Path) -> None:
-    text = 'count = 12\nprompts = "a person waves"\nduration_s = 0.12\npreset = "mmmesh"\nrtol = 0.1\nradar = "awr1843"'
-    plan = plan_dataset(Recipe.parse(text), probes=4, workers=2)
-    assert len(plan.probes) == 4
+    recipe = Recipe.load(write_small_recipe(tmp_path / "recipe", count=40))
+    done: list[int] = []
+    plan = plan_dataset(recipe, probes=6, workers=1, progress=lambda number, total: done.append(number))
+    assert done == list(range(1, len(plan.probes) + 1))
     assert not plan.failed
+    build_dataset(recipe, tmp_path / "set", workers=1, progress=False)
+    size = sum(path.stat().st_size for path in (tmp_path / "set").glob("*") if path.is_file())
+    assert plan.bytes == pytest.approx(size, rel=0.1)
     assert 0.0 < plan.seconds < 600.0
-    assert plan.bytes > 12 * 1e4
