@@ -56,8 +56,7 @@ def statistics(recordings: Sequence[CloudRecording]) -> dict[str, Any]:
         "height [m], 5, 25, 50, 75, 95 %": _quantiles(height),
         "intensity [dB], 5, 25, 50, 75, 95 %": _quantiles(level),
         "median intensity by range [dB]": [
-            _quantiles(level[(distance >= low) & (distance < high)], (50,))[0]
-            for low, high in pairwise(RANGES_M)
+            _quantiles(level[(distance >= low) & (distance < high)], (50,))[0] for low, high in pairwise(RANGES_M)
         ],
     }
 

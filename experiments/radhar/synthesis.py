@@ -18,8 +18,8 @@ import numpy as np
 
 import rfgen_sionna as rfgen
 
-HEIGHT_M = 1.3
-"""Height of the radar [m]."""
+PLACEMENTS = ((1.3, 0.0), (1.0, 12.0), (1.15, 6.0), (0.9, 14.0))
+"""Height of the radar [m] and upward tilt [degrees], which RadHAR leaves open: four recordings an activity each."""
 FRAME_RATE_HZ = 27.0
 """Frames a second that RadHAR's files hold; the board was set to 30."""
 WINDOW_S = 2.4
@@ -66,6 +66,8 @@ class Take:
     seed: int
     prompt: str
     start_s: float
+    height_m: float = PLACEMENTS[0][0]
+    tilt_deg: float = PLACEMENTS[0][1]
 
     @property
     def name(self) -> str:
@@ -80,17 +82,20 @@ def takes(recordings: int) -> Iterator[Take]:
             values = {name: round(float(rng.uniform(*limits)), 2) for name, limits in RANGES.items()}
             start = float(rng.uniform(0.0, MOTION_S - WINDOW_S - 0.1))
             texts = PROMPTS[activity]
-            yield Take(activity, number, texts[number % len(texts)].format(**values), start)
+            place = PLACEMENTS[number // 4 % len(PLACEMENTS)]
+            yield Take(activity, number, texts[number % len(texts)].format(**values), start, *place)
 
 
-def radhar_radar() -> rfgen.Radar:
-    """The IWR1443 in RadHAR's configuration, level, at the rate of the frames that were kept."""
-    radar = rfgen.Radar.load("iwr1443boost", preset="radhar", position=(0, 0, HEIGHT_M), look_at=(3, 0, HEIGHT_M))
+def radhar_radar(height_m: float = PLACEMENTS[0][0], tilt_deg: float = PLACEMENTS[0][1]) -> rfgen.Radar:
+    """The IWR1443 in RadHAR's configuration, at the rate of the frames that were kept."""
+    target = (3.0, 0.0, height_m + 3.0 * float(np.tan(np.radians(tilt_deg))))
+    radar = rfgen.Radar.load("iwr1443boost", preset="radhar", position=(0, 0, height_m), look_at=target)
     return replace(radar, waveform=replace(radar.waveform, frame_period=1 / FRAME_RATE_HZ))
 
 
-def simulate(take: Take, radar: rfgen.Radar, rtol: float) -> np.ndarray:
+def simulate(take: Take, rtol: float) -> np.ndarray:
     """(frame, chirp, tx, rx, sample) noise-free samples [sqrt(W)]."""
+    radar = radhar_radar(take.height_m, take.tilt_deg)
     person = rfgen.Actor.from_prompt(take.prompt, seed=take.seed, radar=radar, duration=MOTION_S)
     simulator = rfgen.Simulator(None, radar, [person], rtol=rtol)
     return simulator.adc(WINDOW_S, start=take.start_s, noise=False).data.astype(np.complex64)
@@ -124,13 +129,12 @@ def main() -> None:
     if arguments.rooms:
         empty_rooms(arguments.rooms, arguments.output, arguments.rtol)
         return
-    radar = radhar_radar()
     part, parts = arguments.part
     for number, take in enumerate(takes(arguments.recordings)):
         file = arguments.output / f"{take.name}.npy"
         if number % parts == part and not file.exists():
             try:
-                cube = simulate(take, radar, arguments.rtol)
+                cube = simulate(take, arguments.rtol)
             except ValueError as error:  # a placement or motion that cannot be
                 print(f"{take.name}: {take.prompt}: {error}", flush=True)
                 continue
