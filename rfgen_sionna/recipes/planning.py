@@ -31,6 +31,8 @@ INDEX_BYTES = 2_500
 """Size of a recording in the index and of its part of a shard's tables [bytes]."""
 MIN_PROBES = 2
 """Probes of each kind of recordings."""
+MAX_COUNTED = 20_000
+"""Most recordings that are drawn to be counted; of larger sets the counts of kinds and actions are about right."""
 PICTURES = (".png", ".pdf", ".svg")
 """Endings of pictures."""
 
@@ -195,7 +197,8 @@ def plan_dataset(
     picture = None if sheet is None else check_output(sheet, overwrite)
     if picture is not None and picture.suffix.lower() not in PICTURES:
         raise ValueError(f"sheet is '{picture}': a file with one of the endings {', '.join(PICTURES)} is needed")
-    specs = list(recipe)
+    specs = [recipe.recording(number) for number in _counted(recipe)]
+    scale = recipe.count / len(specs)
     kinds: dict[Stratum, list[RecordingSpec]] = {}
     for spec in specs:
         kinds.setdefault((spec.place, len(spec.sources), spec.duration_s), []).append(spec)
@@ -206,19 +209,32 @@ def plan_dataset(
         from rfgen_sionna.recipes.plan_sheet import draw_sample_scenes
 
         draw_sample_scenes(recipe, picture)
+    strata = tuple(
+        StratumPlan(kind, round(scale * len(own)), tuple(made[number] for number in chosen[kind]))
+        for kind, own in kinds.items()
+    )
+    actions = Counter(_words(spec) for spec in specs)
+    counts = Counter((spec.split, str((spec.place, len(spec.sources), spec.duration_s))) for spec in specs)
+    splits = Counter(recipe.split_of(number) for number in range(recipe.count))
     return DatasetPlan(
-        len(specs),
+        recipe.count,
         workers,
-        tuple(
-            StratumPlan(kind, len(own), tuple(made[number] for number in chosen[kind])) for kind, own in kinds.items()
-        ),
-        {split: sum(spec.split == split for spec in specs) for split in recipe.splits},
-        dict(Counter(_words(spec) for spec in specs).most_common()),
+        strata,
+        {split: splits[split] for split in recipe.splits},
+        {text: round(scale * count) for text, count in actions.most_common()},
         recipe.recordings_per_shard,
         start,
         picture,
-        Counter((spec.split, str((spec.place, len(spec.sources), spec.duration_s))) for spec in specs),
+        {key: round(scale * count) for key, count in counts.items()},
     )
+
+
+def _counted(recipe: Recipe) -> list[int]:
+    """Numbers of the recordings that are counted: all, or `MAX_COUNTED` drawn ones."""
+    if recipe.count <= MAX_COUNTED:
+        return list(range(recipe.count))
+    drawn = stream(recipe.tables.seed, "counted").choice(recipe.count, MAX_COUNTED, replace=False)
+    return [int(number) for number in np.sort(drawn)]
 
 
 def chosen_probes(kinds: Mapping[Stratum, Sequence[RecordingSpec]], probes: int, seed: int) -> dict[Stratum, list[int]]:
