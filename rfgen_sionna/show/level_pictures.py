@@ -28,6 +28,20 @@ def reduced(level: FloatArray, most_columns: int = MOST_PIXELS) -> FloatArray:
     return level
 
 
+def even_columns(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Evenly spaced times, and of each the nearest of the `values` (time, ...), where there are pauses between them."""
+    if len(time) < 3:
+        return time, values
+    step = float(np.diff(time).min())
+    count = min(round((time[-1] - time[0]) / step) + 1, 4 * MOST_COLUMNS)
+    if count == len(time):
+        return time, values
+    even = np.linspace(time[0], time[-1], count)
+    after = np.searchsorted(time, even).clip(1, len(time) - 1)
+    nearest = np.where(even - time[after - 1] <= time[after] - even, after - 1, after)
+    return even, values[nearest]
+
+
 def cell_span(values: FloatArray, most: int = MOST_PIXELS, alone: float = 1.0) -> list[float]:
     """First and last border of the cells of an axis after :func:`reduced`; a single cell is `alone` wide."""
     cell = float(np.mean(np.diff(values))) if len(values) > 1 else alone

@@ -14,7 +14,7 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.spectrum import decibel, watts_to_dbm
 from rfgen_sionna.show.actor_shapes import ActorShape, actor_shapes
 from rfgen_sionna.show.displayable import Displayable
-from rfgen_sionna.show.level_pictures import MOST_COLUMNS, MOST_PIXELS, cell_span, level_bytes, reduced
+from rfgen_sionna.show.level_pictures import MOST_COLUMNS, MOST_PIXELS, cell_span, even_columns, level_bytes, reduced
 from rfgen_sionna.show.page import headline, velocity_limit
 from rfgen_sionna.show.panels import symmetric_limit
 from rfgen_sionna.show.run_summary import radar_line
@@ -171,6 +171,7 @@ def _doppler_time(run: Displayable, whole: RunView, arrays: Arrays) -> dict[str,
 def _over_time(
     power: FloatArray, time: FloatArray, whole: RunView, name: str, arrays: dict[str, Any]
 ) -> dict[str, Any]:
+    time, power = even_columns(time, power)
     level = reduced(watts_to_dbm(power.T), MOST_COLUMNS)
     low, high = level_limits(level, 45.0)
     arrays[name] = level_bytes(level[None, ::-1], low, high)

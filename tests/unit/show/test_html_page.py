@@ -22,6 +22,8 @@ HOSTILE = (
 )
 AHEAD = np.array([2.0, 0.0, 1.0])
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
+STEADY = "<script>requestAnimationFrame = step => setTimeout(() => step(performance.now()), 20)</script></head>"
+"""Frames of an animation on the browser's virtual clock."""
 PROBE = """<script>
 const wait = setInterval(() => {
   if (!document.getElementById("moment").textContent) return;
@@ -45,11 +47,14 @@ const wait = setInterval(() => {
   showMesh.click(); found.bare = changed(turned, shots());
   showMesh.click(); scene.dispatchEvent(new Event("dblclick")); found.home = changed(before, shots());
   rate.value = 1; button.click(); found.playing = button.textContent;
-  setTimeout(() => {
+  let checks = 0;
+  const played = setInterval(() => {
+    if (button.textContent !== "▶" && ++checks < 300) return;
+    clearInterval(played);
     found.stopped = button.textContent; found.end = moment.textContent; found.title = document.title;
     const out = document.createElement("pre");
     out.id = "probe"; out.textContent = JSON.stringify(found); document.body.append(out);
-  }, 1500);
+  }, 50);
 }, 10);
 </script>"""
 """Moves the slider, turns the scene and plays, in a copy of the page without its policy."""
@@ -177,7 +182,7 @@ def browse(tmp_path_factory):
         (folder / "page.html").write_text(text, encoding="utf-8")
         command = [
             CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom",
-            "--window-size=1400,900", "--virtual-time-budget=6000", f"--user-data-dir={folder}/profile",
+            "--window-size=1400,900", "--virtual-time-budget=10000", f"--user-data-dir={folder}/profile",
             f"file://{folder}/page.html",
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, timeout=120)
@@ -187,7 +192,8 @@ def browse(tmp_path_factory):
 
 
 def test_a_browser_draws_moves_turns_and_plays_it(page, browse):
-    text = POLICY.sub("", page.read_text(encoding="utf-8")).replace("</body>", PROBE + "</body>")
+    text = POLICY.sub("", page.read_text(encoding="utf-8"))
+    text = text.replace("</head>", STEADY).replace("</body>", PROBE + "</body>")
     document, console = browse(text)
     assert console == []
     found = json.loads(re.search(r'<pre id="probe">(.*?)</pre>', document, re.S)[1].replace("&amp;", "&"))
