@@ -234,7 +234,8 @@ class BandTracer:
         shape = *expansion.weights.shape[:3], len(edges.owner)
         gains, known = np.empty(shape, np.complex128), (self._tx, self._rx, self.centre, self.half_band)
         calls = -(-gains.size // MAX_CORRECTION_LANES)
-        for some in np.array_split(np.arange(shape[-1]), calls) if calls else ():
+        ends = np.linspace(0, shape[-1], calls + 1).astype(np.intp).tolist()
+        for some in map(slice, ends[:-1], ends[1:]):
             small = self.combined(expansion, values[:, some])
             gains[..., some] = boundary_gains(edges.take(some), *known, small, reference[some] - self._origin)
         return BoundaryCorrection(edges.owner, gains)

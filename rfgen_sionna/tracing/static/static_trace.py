@@ -137,11 +137,14 @@ class StaticTrace:
         now, sent = guides.visible(rays, index, moving=True)
         sent += 0 if known else first
         now &= unoccluded[index]
-        changed, passed = (now != unoccluded[index]).any(axis=1), silhouette > 0
+        # By columns: several times as fast as reductions of rows of three.
+        (one, two, three), (one_now, two_now, three_now) = unoccluded[index].T, now.T
+        changed = (one != one_now) | (two != two_now) | (three != three_now)
+        visible, passed = one_now | two_now | three_now, silhouette > 0
         left = np.ones(len(self.facets))
-        occluded = index[changed & ~passed & ~now.any(axis=1)]
+        occluded = index[changed & ~passed & ~visible]
         left[occluded] = 0.0
-        some = np.flatnonzero(passed | (changed & now.any(axis=1)))
+        some = np.flatnonzero(passed | (changed & visible))
         chosen = index[some]
         found = sample_visibility(
             rays, self.viewpoint, self.facets.corners[chosen], self.facets.number[chosen], now[some],
