@@ -156,13 +156,16 @@ def _first_body(spec: RecordingSpec) -> PersonBody:
 def _placed_sources(spec: RecordingSpec, request: SceneRequest, scene: RadarScene, radar: Radar) -> list[Actor]:
     """Actors of the clips, joints and meshes of a recording, beside those of its prompts."""
     files = [each for each in spec.sources if each.kind != "prompt"]
-    rows = [each for each in files if "position_m" not in each.options]
-    made = []
+    count, row = sum("position_m" not in each.options for each in files), 0
+    made: list[Actor] = []
     for source in files:
-        shift = _shift(rows.index(source), len(rows), len(request.said)) if source in rows else 0.0
-        place = _beside(spec, shift)
+        place = Placement()
+        if "position_m" not in source.options:
+            place, row = _beside(spec, _shift(row, count, len(request.said))), row + 1
         if source.kind == "mesh":
-            made.append(_mesh(source, place, scene, radar))
+            actor = _mesh(source, place, scene, radar)
+            taken = sum(each.name == actor.name or each.name.startswith(f"{actor.name}_") for each in made)
+            made.append(replace(actor, name=f"{actor.name}_{taken + 1}") if taken else actor)
         else:
             make = _clip if source.kind == "clip" else _joints
             made.append(make(spec, source, place, scene, radar))

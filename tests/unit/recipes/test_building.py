@@ -25,7 +25,7 @@ from rfgen_sionna.recipes.outcome import Job, Outcome
 from rfgen_sionna.recipes.process_engine import LocalProcesses
 from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.repairing import repair_dataset, verify_dataset
-from rfgen_sionna.recipes.set_facts import RECIPE, SetFacts
+from rfgen_sionna.recipes.set_facts import SetFacts
 from tests.unit.recipes.noise_job import InlineEngine, NoiseJob
 from tests.unit.recipes.small_recipes import write_small_recipe
 
@@ -367,22 +367,22 @@ def test_ray_gives_the_same_checksums(balls: Any, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="mounts a file system")
-def test_a_build_on_a_full_disk_goes_on_with_space(balls: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("size", ["200k", "360k"])
+def test_a_build_on_a_full_disk_goes_on_with_space(balls: Any, tmp_path: Path, size: str) -> None:
+    """The small disk ends in a worker, the larger one in the driver's first shard."""
     recipe, folder = balls
     small = tmp_path / "small"
     small.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=600k", "tmpfs", str(small)]
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(small)]
     if subprocess.run(mount, capture_output=True, check=False).returncode:
         pytest.skip("no right to mount")
     try:
         with pytest.raises(BuildError, match=r"is full"):
             build_dataset(recipe, small / "set", workers=2)
-        there = [*(small / "set").glob("shard-*.h5"), *(small / "set" / BUILDING).glob("[0-9]*.h5")]
-        before = {path.name: path.read_bytes() for path in there}
-        assert (small / "set" / RECIPE).is_file()
+        made = len(list((small / "set" / BUILDING).glob("[0-9]*.h5")))
+        assert made >= 1
         subprocess.run(["mount", "-o", "remount,size=100m", str(small)], check=True)
-        report = build_dataset(recipe, small / "set", workers=2, resume=True)
-        assert report.made == 6 - len(before) if not any("shard" in name for name in before) else report.made < 6
+        assert build_dataset(recipe, small / "set", workers=2, resume=True).made == 6 - made
         assert contents(small / "set") == contents(folder)
     finally:
         subprocess.run(["umount", "-l", str(small)], check=False)
