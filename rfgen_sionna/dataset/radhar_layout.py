@@ -21,7 +21,9 @@ from rfgen_sionna.dataset.export_folder import Progress, new_folder
 from rfgen_sionna.dataset.reader import Run
 from rfgen_sionna.dataset.windows import WindowReader
 
-ACTIVITIES = {"jumping_jacks": "jack", "squat": "squats"}
+ACTIVITIES = {
+    "jumping_jacks": "jack", "squat": "squats", "walk_straight": "walk", "walk_to_and_fro": "walk", "walk_turn": "walk",
+}  # fmt: skip
 """Actions that RadHAR calls otherwise -> its word; boxing, jump and walk are the same."""
 VOXELS = (10, 32, 32)
 """Cells of a frame: ahead, to the right, up."""

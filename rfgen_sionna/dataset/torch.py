@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset, IterableDataset, get_worker_info
 
-from rfgen_sionna.dataset.adc_words import AdcWords
 from rfgen_sionna.dataset.reader import Run
 from rfgen_sionna.dataset.windows import MAX_POINTS, RepresentationChoice, TimeWindow, WindowReader
-from rfgen_sionna.processing import range_doppler_power
 
 Item = tuple[Any, Any] | dict[str, Any]
 """(x, y), or a dictionary; see :class:`RadarDataset`."""
@@ -31,20 +29,6 @@ Item = tuple[Any, Any] | dict[str, Any]
 def to_db(power: Tensor, floor: float = 1e-20) -> Tensor:
     """Powers in dB, at least that of `floor`; a `transform` for maps and images."""
     return 10 * torch.log10(power.clamp_min(floor))
-
-
-def torch_transform(samples: NDArray[Any]) -> NDArray[np.complex64]:
-    """PyTorch's transform of :func:`rfgen_sionna.processing.range_doppler_power.scipy_transform`."""
-    given = torch.from_numpy(samples)
-    found = (torch.fft.fftn if given.is_complex() else torch.fft.rfftn)(given, dim=(0, 2))
-    return np.asarray(found.numpy())
-
-
-def range_doppler_maps(run: Run, frames: slice) -> NDArray[Any]:
-    """Representation "range_doppler" of frames: the stored one, or by PyTorch's transform from the ADC's words."""
-    if "range_doppler" in run.contents or not isinstance(adc := run.adc, AdcWords):
-        return run.representation("range_doppler", frames).values
-    return range_doppler_power(adc.words[frames], run.radar, scale=adc.scale_factor, transform=torch_transform)
 
 
 class RadarDataset(Dataset[Item]):
@@ -234,7 +218,7 @@ class _Items:
         names = (labels,) if isinstance(labels, str) else tuple(labels)
         self.reader = WindowReader(
             folder, split, representation, names, radar=radar, window_s=window_s, stride_s=stride_s,
-            max_points=max_points, own={"range_doppler": range_doppler_maps},
+            max_points=max_points,
         )  # fmt: skip
 
     def item(self, window: TimeWindow, run: Run | None = None) -> Item:

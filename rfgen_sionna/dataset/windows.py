@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,8 +75,6 @@ class WindowReader:
         of a window.
     alike
         Whether all windows must have the same number of frames.
-    own
-        Functions that compute representations instead of the package's own ones, by their names.
 
     Raises
     ------
@@ -97,7 +94,6 @@ class WindowReader:
         stride_s: float | None = None,
         max_points: int = MAX_POINTS,
         alike: bool = True,
-        own: Mapping[str, Computed] = MappingProxyType({}),
     ) -> None:
         whole = folder if isinstance(folder, RecordingSet) else open_dataset(folder)
         self.recordings = whole if split is None else whole.split(split)
@@ -107,7 +103,7 @@ class WindowReader:
         self.places = tuple(sorted({row.place for row in whole.rows}))
         self.num_actors = max((len(row.actions) for row in whole.rows), default=0)
         self.representations = dict(representation) if isinstance(representation, Mapping) else {"": representation}
-        self.labels, self.radar, self.max_points, self.own = tuple(labels), radar, max_points, dict(own)
+        self.labels, self.radar, self.max_points = tuple(labels), radar, max_points
         for name, value in (("window_s", window_s), ("stride_s", stride_s)):
             if value is not None and not value > 0:
                 raise ValueError(f"{name} is {value!r}: more than 0 s is needed")
@@ -144,8 +140,6 @@ class WindowReader:
         if representation in REPRESENTATIONS and run.stored(path) is not None:
             stored = run.array(path, frames)
             return self._padded(stored) if isinstance(stored, list) else stored
-        if representation in self.own:
-            return np.asarray(self.own[representation](run, frames))
         found = run.representation(representation, frames)
         return found.values if found.row_splits is None else self._padded([found.frame(k) for k in range(len(found))])
 

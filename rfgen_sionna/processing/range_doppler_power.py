@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import threading
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -17,17 +17,10 @@ if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
 
 Single = NDArray[np.float32]
-Transform = Callable[[NDArray[Any]], NDArray[np.complex64]]
-"""Fourier transform over chirps and samples, as :func:`scipy_transform`."""
 
 
 def range_doppler_power(
-    cube: ArrayLike,
-    radar: Radar,
-    *,
-    scale: float | None = None,
-    static: bool = True,
-    transform: Transform | None = None,
+    cube: ArrayLike, radar: Radar, *, scale: float | None = None, static: bool = True
 ) -> NDArray[np.float32]:
     """`range_doppler(cube, radar, static=static).power` in single precision, with a tenth of the memory.
 
@@ -40,9 +33,6 @@ def range_doppler_power(
         Samples [sqrt(W)] of a word of 1; needed for words.
     static
         Whether static returns are kept.
-    transform
-        Fourier transform over axes 0 and 2 of samples (chirp, channel, sample) in single precision, which it may
-        overwrite; real ones have the one-sided spectrum; the last axis stays contiguous. None takes SciPy's; PyTorch's takes a quarter of its time.
 
     Returns
     -------
@@ -66,20 +56,22 @@ def range_doppler_power(
         array, shape, scale = check_cube(array, radar), array.shape, 1.0
     plain = radar.waveform.slope > 0 and not uses_doppler_bands(radar)
     frames = array.reshape(-1, *array.shape[len(shape) - 4 :])
-    step = float(scale or 1.0)
-    if plain:
-        maps = [_quick(frame, radar, words, step, static, transform or scipy_transform) for frame in frames]
-    else:
-        maps = [_general(frame, radar, words, step, static) for frame in frames]
+    maps = [(_quick if plain else _general)(frame, radar, words, float(scale or 1.0), static) for frame in frames]
     return np.stack(maps).reshape(*shape[:-4], *maps[0].shape)
 
 
+_WORK = threading.local()
+"""Memory for one frame, of each thread: large blocks that come and go leave holes in the heap, which then grows."""
+
+
 def _samples(frame: NDArray[Any], radar: Radar, words: bool) -> NDArray[Any]:
-    """A copy of the samples (chirp, tx, rx, sample) in single precision, words as they are."""
-    if not words:
-        return frame.astype(np.float32 if radar.adc.real else np.complex64)
-    values = frame.astype(np.float32)
-    return values if radar.adc.real else values.view(np.complex64)[..., 0]
+    """The samples (chirp, tx, rx, sample) in single precision, words as they are, in memory for one frame."""
+    kind = np.dtype(np.float32 if words or radar.adc.real else np.complex64)
+    values: NDArray[Any] | None = getattr(_WORK, "samples", None)
+    if values is None or (values.shape, values.dtype) != (frame.shape, kind):
+        values = _WORK.samples = np.empty(frame.shape, kind)
+    np.copyto(values, frame, casting="same_kind")
+    return values if radar.adc.real or not words else values.view(np.complex64)[..., 0]
 
 
 def _general(frame: NDArray[Any], radar: Radar, words: bool, scale: float, static: bool) -> Single:
@@ -88,13 +80,7 @@ def _general(frame: NDArray[Any], radar: Radar, words: bool, scale: float, stati
     return np.asarray(power * scale**2, np.float32)
 
 
-def scipy_transform(samples: NDArray[Any]) -> NDArray[np.complex64]:
-    """Fourier transform of samples (chirp, channel, sample) over chirps and samples; one-sided of real samples."""
-    spectrum = (fft.fft if samples.dtype.kind == "c" else fft.rfft)(samples, axis=2, overwrite_x=True)
-    return np.asarray(fft.fft(spectrum, axis=0, overwrite_x=True))
-
-
-def _quick(frame: NDArray[Any], radar: Radar, words: bool, scale: float, static: bool, transform: Transform) -> Single:
+def _quick(frame: NDArray[Any], radar: Radar, words: bool, scale: float, static: bool) -> Single:
     """Map of a radar with a rising ramp and no Doppler bands."""
     samples = _samples(frame, radar, words)
     chirps, channels = samples.shape[0], samples.shape[1] * samples.shape[2]
@@ -104,7 +90,9 @@ def _quick(frame: NDArray[Any], radar: Radar, words: bool, scale: float, static:
         flat = samples.view(np.float32).reshape(chirps, -1)
         flat -= np.einsum("c,cx->x", slow, flat)  # a matrix product would take the cores of other workers
     samples *= slow[:, None, None] * fast
-    parts = transform(samples).view(np.float32)
+    spectrum = (fft.rfft if radar.adc.real else fft.fft)(samples, axis=2, overwrite_x=True)
+    spectrum = fft.fft(spectrum, axis=0, overwrite_x=True)
+    parts = spectrum.view(np.float32)
     power = np.einsum("cnr,cnr->cr", parts, parts)
     power = power[:, 0::2] + power[:, 1::2]
     # Real samples have half their power at negative frequencies.

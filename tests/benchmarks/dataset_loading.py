@@ -16,6 +16,7 @@ import torch
 from torch.utils.data import DataLoader, RandomSampler
 
 from rfgen_sionna.dataset import open_dataset
+from rfgen_sionna.dataset.checksums import write_sums
 from rfgen_sionna.dataset.set_index import write_index
 from rfgen_sionna.dataset.torch import RadarDataset, StreamingRadarDataset
 
@@ -38,7 +39,7 @@ def enlarge(folder: Path, target: Path, size: float) -> Path:
                     group = file["recordings"]
                     for name in sorted(group, reverse=True):
                         group.move(name, f"{int(name) + copy * count:06d}")
-    write_index(target, {}, [])
+    write_sums(target, write_index(target).shards)
     return target
 
 
@@ -71,8 +72,15 @@ def memory(processes: Sequence[int] = ()) -> float:
     return total / 1e3
 
 
+def core_seconds(process: int) -> float:
+    """Time on a core that a process has used [s]."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def random_access(folder: Path, workers: int = 2, maps: int = 2000) -> dict[str, Any]:
-    """Range-Doppler maps a second of single frames drawn at random, and the memory at quarters of the epoch."""
+    """Range-Doppler maps a second of single frames drawn at random, the time of a core that each takes in a worker, and
+    the memory at quarters of the epoch."""
     period = open_dataset(folder)[0].radar.waveform.frame_period
     data = RadarDataset(folder, None, "range_doppler", "action", window_s=period)
     sampler = RandomSampler(data, num_samples=maps, generator=torch.Generator().manual_seed(0))
@@ -80,14 +88,20 @@ def random_access(folder: Path, workers: int = 2, maps: int = 2000) -> dict[str,
     forget(folder)
     steps = iter(loader)
     next(steps)  # workers have started
-    begin, done, held = time.perf_counter(), 0, []
     children = [worker.pid for worker in getattr(steps, "_workers", ())]
+    begin, done, marks = time.perf_counter(), 0, []
     for x, _ in steps:
         done += len(x)
-        if done // (maps // 4) > len(held):
-            held.append(memory(children))
+        if done * 4 // maps > len(marks):
+            marks.append((done, sum(map(core_seconds, children)), memory(children)))
     seconds = time.perf_counter() - begin
-    return {"maps_per_s": done / seconds, "workers": workers, "memory_mb": held}
+    (first, start, _), (last, end, _) = marks[0], marks[-1]
+    return {
+        "maps_per_s": done / seconds,
+        "core_ms_per_map": 1e3 * (end - start) / (last - first) if children else None,
+        "workers": workers,
+        "memory_mb": [held for _, _, held in marks],
+    }
 
 
 def sequential(folder: Path, workers: int = 0, limit: float = 4e9) -> dict[str, Any]:

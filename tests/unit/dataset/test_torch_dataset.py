@@ -11,9 +11,8 @@ from torch.utils.data import DataLoader
 from rfgen_sionna.dataset import open_dataset
 from rfgen_sionna.dataset.adc_words import AdcWords
 from rfgen_sionna.dataset.shards import assemble_shard
-from rfgen_sionna.dataset.torch import RadarDataset, StreamingRadarDataset, to_db, torch_transform
+from rfgen_sionna.dataset.torch import RadarDataset, StreamingRadarDataset, to_db
 from rfgen_sionna.processing import range_doppler
-from rfgen_sionna.processing.range_doppler_power import scipy_transform
 from tests.unit.dataset.small_sets import ACTIONS, JOINTS, finish, make_set, write_part
 
 
@@ -37,17 +36,6 @@ def test_items_are_maps_and_class_numbers(folder):
     with open_dataset(folder).split("train")[0] as run:
         np.testing.assert_allclose(x, run.representation("range_doppler").values)
         assert data.classes[y] == run.stored("labels/action").asstr()[0, 0]
-
-
-@pytest.mark.parametrize("real", [False, True])
-def test_the_transform_of_torch_is_that_of_scipy(real):
-    rng = np.random.default_rng(0)
-    samples = rng.standard_normal((8, 3, 16)).astype(np.float32)
-    if not real:
-        samples = (samples + 1j * rng.standard_normal((8, 3, 16))).astype(np.complex64)
-    found = torch_transform(samples.copy())
-    np.testing.assert_allclose(found, scipy_transform(samples.copy()), atol=1e-4)
-    assert found.view(np.float32).shape[2] == 2 * (9 if real else 16)
 
 
 def test_maps_of_words_are_those_of_samples(tmp_path):
