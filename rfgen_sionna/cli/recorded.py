@@ -124,7 +124,8 @@ def export(
         of_captures_only(board=board is not None, partial=partial, skip_lost=skip_lost)
         with open_run(source) as whole, out.status("exporting"):
             run = one_radar(whole, radar)
-            cube = AdcCube(run.adc, run.radar, run.frame_times, run.seeds.get("noise"))
+            samples: Any = run.adc
+            cube = AdcCube(samples, run.radar, run.frame_times, run.seeds.get("noise"))
             report = write_capture(cube, output, format, overwrite=overwrite, **options)
     else:
         capture = open_source_capture(source, radar, board, partial)

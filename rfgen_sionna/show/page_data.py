@@ -43,7 +43,8 @@ class PageData:
     header: dict[str, Any]
     """Texts, axes, and the names of arrays, ready for JSON."""
     arrays: Arrays
-    """Arrays by name: uint8 pictures, uint16 positions as fractions of the limits, float32 and uint16 lists."""
+    """Arrays by name: uint8 pictures, uint16 positions as fractions of the limits, uint32 faces and
+    bones, float32 points."""
 
 
 def page_data(
@@ -126,7 +127,7 @@ def _actor(track: _Track, low: FloatArray, high: FloatArray, arrays: Arrays, nam
 
     shape = track.shape
     arrays[f"{name}.mesh"], arrays[f"{name}.joints"] = fractions(track.mesh), fractions(track.joints)
-    arrays[f"{name}.faces"], arrays[f"{name}.bones"] = shape.faces.astype(np.uint16), shape.bones.astype(np.uint16)
+    arrays[f"{name}.faces"], arrays[f"{name}.bones"] = shape.faces.astype(np.uint32), shape.bones.astype(np.uint32)
     return {"name": shape.name, "material": shape.material, "array": name}
 
 

@@ -11,7 +11,7 @@ async function unpack() {
   const packed = Uint8Array.from(atob(by("arrays").textContent), c => c.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   const bytes = await new Response(stream).arrayBuffer();
-  const kinds = { uint8: Uint8Array, uint16: Uint16Array, float32: Float32Array };
+  const kinds = { uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
   return Object.fromEntries(Object.entries(page.arrays).map(([name, { dtype, shape, offset }]) => {
     const size = shape.reduce((a, b) => a * b, 1);
     return [name, { shape, size, values: new kinds[dtype](bytes, offset, size) }];
@@ -266,7 +266,7 @@ function play(on) {
 
 function start() {
   for (const name of ["title", "radar", "conventions", "report"]) by(name).textContent = page[name];
-  if (page.frames.length < page.all) by("radar").textContent += ` · every ${page.frames[1]}th frame is on this page`;
+  if (page.frames.length < page.all) by("radar").textContent += ` · one of ${page.frames[1]} frames is on this page`;
   for (const label of page.labels) {
     const row = by("rows").insertRow();
     row.insertCell().textContent = page.actors.length > 1 && label.actor ? `${label.actor}: ${label.name}` : label.name;
