@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -33,10 +32,9 @@ RANGES_M = (0.6, 1.0, 1.4, 1.8, 2.2, 2.6, 3.0)
 VARIANTS: dict[str, dict[str, Any]] = {
     "TI's chain, rooms": {},
     "free space": {"rooms": False},
-    "10 dB less": {"loss_db": 10.0},
+    "12 dB less": {"loss_db": 12.0},
     "threshold 15 dB": {"chain": OutOfBoxChain(range_cfar=CfarSettings(threshold_db=15.0))},
-    "no grouping": {"chain": OutOfBoxChain(group_doppler=False)},
-    "Hann in range": {"chain": replace(OutOfBoxChain(), range_window="hann")},
+    "greater of both sides": {"chain": OutOfBoxChain(range_cfar=CfarSettings("cago", threshold_db=20.0))},
 }
 """Simulated variants by name: arguments of :func:`experiments.radhar.clouds.simulated_clouds`."""
 
@@ -45,6 +43,7 @@ def statistics(recordings: Sequence[CloudRecording]) -> dict[str, Any]:
     """What the points of some recordings have, as a dictionary for JSON."""
     frames = sum(recording.frames for recording in recordings)
     moving = np.concatenate([recording.moving for recording in recordings])
+    counts = np.concatenate([np.bincount(item.frame[item.moving], minlength=item.frames) for item in recordings])
     doppler = np.concatenate([recording.doppler for recording in recordings])[moving]
     height = np.concatenate([recording.position[:, 2] for recording in recordings])[moving]
     level = np.concatenate([recording.intensity for recording in recordings])[moving]
@@ -52,6 +51,8 @@ def statistics(recordings: Sequence[CloudRecording]) -> dict[str, Any]:
     return {
         "points a frame": len(moving) / frames,
         "moving points a frame": float(moving.sum() / frames),
+        "share of frames with moving points": float((counts > 0).mean()),
+        "moving points of those frames": float(counts[counts > 0].mean()) if counts.any() else 0.0,
         "Doppler histogram, bins -8 to 7": _rounded(np.bincount(doppler + 8, minlength=16) / max(1, len(doppler))),
         "height [m], 5, 25, 50, 75, 95 %": _quantiles(height),
         "intensity [dB], 5, 25, 50, 75, 95 %": _quantiles(level),
@@ -158,6 +159,8 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True, help="folder with radhar/Train")
     parser.add_argument("--synthetic", type=Path, required=True, help="folder of experiments.radhar.synthesis")
     parser.add_argument("--output", type=Path, required=True, help="JSON file")
+    parser.add_argument("--variants", nargs="*", default=list(VARIANTS), choices=list(VARIANTS))
+    parser.add_argument("--every", type=int, default=1, help="every N-th simulated recording of an activity alone")
     arguments = parser.parse_args()
     part = read_training_part(arguments.data)
     real = [next(item for item in part if item.activity == name) for name in ACTIVITIES]
@@ -167,8 +170,11 @@ def main() -> None:
         "range window, rms [dB]": range_window_errors(real),
         "real": _by_activity(real),
     }
-    for name, options in VARIANTS.items():
-        simulated = simulated_clouds(arguments.synthetic, **options)
+    files = [
+        file for name in ACTIVITIES for file in sorted(arguments.synthetic.glob(f"{name}-*.npy"))[:: arguments.every]
+    ]
+    for name in arguments.variants:
+        simulated = simulated_clouds(arguments.synthetic, names=[file.stem for file in files], **VARIANTS[name])
         result["recordings"]["simulated"] = [item.name for item in simulated]
         result[name] = {**_by_activity(simulated), "distance from real": compared(real, simulated)}
     arguments.output.write_text(json.dumps(result, indent=1) + "\n")

@@ -2,7 +2,7 @@
 
     python -m experiments.radhar.classify --data FOLDER --synthetic FOLDER --output classify.json
 
-Windows of 2 s, 66 plain features without levels (`experiments.radhar.features`), a random forest and logistic
+Windows of 2 s, 64 plain features without levels (`experiments.radhar.features`), a random forest and logistic
 regression. Real → real is a split of the training part by recording, three to one, mean over draws; simulated → real is
 tested on the whole training part; k real recordings an activity, alone and beside the simulated ones, are tested on the
 others, mean over draws. Every draw is by seed.
@@ -21,11 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.radhar.clouds import simulated_clouds
-from experiments.radhar.features import window_features
+from experiments.radhar.features import FEATURES, window_features
 from experiments.radhar.recordings import CloudRecording, read_training_part
 from experiments.radhar.synthesis import ACTIVITIES
 
-TREES = 300
+LOSS_DB = 12.0
+"""Attenuation of simulated samples that gives the intensities of RadHAR's moving points [dB], by
+:mod:`experiments.radhar.chain_fit`."""
+TREES = 200
 """Trees of the random forest."""
 
 
@@ -97,7 +100,7 @@ def confusion(name: str, training: WindowSet, test: WindowSet) -> list[list[int]
 
 def evaluate(real: WindowSet, synthetic: WindowSet | None, draws: int) -> dict[str, Any]:
     """All accuracies as a dictionary for JSON."""
-    result: dict[str, Any] = {"windows": {"real": len(real.features)}, "draws": draws}
+    result: dict[str, Any] = {"features": FEATURES, "windows": {"real": len(real.features)}, "draws": draws}
     splits = [_drawn(real, 0.75, seed) for seed in range(draws)]
     for name in classifiers():
         own: dict[str, Any] = {"real to real": _summary([accuracy(name, a, b, s) for s, (a, b) in enumerate(splits)])}
@@ -140,10 +143,13 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True, help="folder with radhar/Train")
     parser.add_argument("--synthetic", type=Path, help="folder of experiments.radhar.synthesis")
     parser.add_argument("--output", type=Path, required=True, help="JSON file")
+    parser.add_argument("--loss-db", type=float, default=LOSS_DB, help="attenuation of the simulated samples")
     parser.add_argument("--draws", type=int, default=10, help="draws of the splits")
     arguments = parser.parse_args()
     real = window_set(read_training_part(arguments.data), 27)
-    synthetic = window_set(simulated_clouds(arguments.synthetic), 3) if arguments.synthetic else None
+    synthetic = (
+        window_set(simulated_clouds(arguments.synthetic, loss_db=arguments.loss_db), 3) if arguments.synthetic else None
+    )
     result = evaluate(real, synthetic, arguments.draws)
     arguments.output.write_text(json.dumps(result, indent=1) + "\n")
     print(json.dumps(result, indent=1))

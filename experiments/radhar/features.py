@@ -1,7 +1,8 @@
 """Plain features of windows of 2 s of a point cloud, without levels.
 
 Of the points outside of Doppler bin 0: their histogram over Doppler, spectra over time of their number and of their
-summed Doppler, and statistics of number, Doppler, range, height and lateral place.
+summed Doppler, and statistics of the course of the number, of Doppler, range, height and lateral place. The number
+itself is left out: it follows from level and threshold.
 """
 
 from __future__ import annotations
@@ -13,14 +14,16 @@ from experiments.radhar.recordings import CloudRecording
 
 WINDOW_FRAMES = 54
 """Frames of a window: 2 s at the rate of RadHAR's files."""
+FEATURES = 64
+"""Number of features."""
 _LINES = 12
 """Spectral lines of a series over time, from 0.5 Hz in steps of 0.5 Hz."""
 
 
 def window_features(recording: CloudRecording, step: int = 27) -> NDArray[np.float64]:
-    """(window, 66) features of all whole windows, `step` frames apart."""
+    """(window, 64) features of all whole windows, `step` frames apart."""
     starts = range(0, recording.frames - WINDOW_FRAMES + 1, step)
-    return np.array([_features(recording, start) for start in starts]).reshape(-1, 66)
+    return np.array([_features(recording, start) for start in starts]).reshape(-1, FEATURES)
 
 
 def _features(recording: CloudRecording, start: int) -> NDArray[np.float64]:
@@ -44,7 +47,7 @@ def _features(recording: CloudRecording, start: int) -> NDArray[np.float64]:
     along = np.corrcoef(doppler, places.T)[0, 1:] if len(doppler) > 4 and doppler.std() > 0 else np.zeros(3)
     by_frame = distance_course(frame, distance)
     statistics = [
-        np.log1p(count.mean()), count.std() / (1 + count.mean()), (count > 0).mean(), (count > 3).mean(),
+        count.std() / (1 + count.mean()), (count > 0).mean(),
         np.abs(doppler).mean() if len(doppler) else 0.0, doppler.std() if len(doppler) else 0.0,
         doppler.mean() if len(doppler) else 0.0, (np.abs(doppler) > 1).mean() if len(doppler) else 0.0,
         (np.abs(doppler) > 3).mean() if len(doppler) else 0.0, size.std() / (1 + size.mean()),
@@ -54,9 +57,8 @@ def _features(recording: CloudRecording, start: int) -> NDArray[np.float64]:
 
 
 def distance_course(frame: NDArray[np.int64], distance: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Spread over time of the mean distance of a frame's points, mean spread within a frame, share of frames that a
-    change of sign of Doppler separates is left to the spectra; the third is the slope of the distance over the window
-    [m]."""
+    """Of the distance of points [m]: standard deviation over time of a frame's mean, mean extent within a frame, and
+    magnitude of the trend over the window."""
     numbers = np.unique(frame)
     if len(numbers) < 3:
         return 0.0, 0.0, 0.0

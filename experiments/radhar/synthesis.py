@@ -33,14 +33,10 @@ PROMPTS: Mapping[str, tuple[str, ...]] = {
         "a person hops in place with tiny hops, arms hanging, at {far} m, facing the radar",
         "a person hops in place with tiny hops, with hands on the hips, at {far} m, facing the radar",
     ),
-    "squats": (
-        "a person does shallow squats, {squats} a minute, at {front} m, facing the radar",
-        "a person does squats, {squats} a minute, at {front} m, facing the radar",
-    ),
+    "squats": ("a person does shallow squats, {squats} a minute, at {front} m, facing the radar",),
     "walk": (
-        "a person walks in a loop at {speed} m/s, at {middle} m",
         "a person walks in a circle at {speed} m/s, at {middle} m",
-        "a person walks back and forth at {speed} m/s, at {middle} m",
+        "a person walks in a loop at {speed} m/s, at {middle} m",
     ),
 }
 """Prompts of each activity; the names in braces are ranges of `RANGES`."""
@@ -50,7 +46,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "far": (1.5, 2.3),
     "jacks": (55.0, 70.0),
     "squats": (28.0, 42.0),
-    "speed": (0.4, 0.65),
+    "speed": (0.35, 0.5),
 }
 """Uniform ranges: distances [m], repetitions a minute, speed [m/s]. Distances, rates of jacks and squats and the
 walkers' speed are those of RadHAR's training part."""
