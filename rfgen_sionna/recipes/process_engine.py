@@ -21,7 +21,7 @@ from rfgen_sionna.recipes.recording_job import ONE_THREAD, WITHOUT_GPU
 from rfgen_sionna.recipes.worker_memory import available_memory
 from rfgen_sionna.recipes.worker_process import READY
 
-WORKER_MEMORY = 1_500_000_000
+WORKER_MEMORY = 2_000_000_000
 """Memory that a worker is expected to take [bytes]."""
 MAX_WORKER_MEMORY = 3_000_000_000
 """Memory above which a worker is replaced by a new one after its recording [bytes]."""
