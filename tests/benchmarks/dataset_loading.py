@@ -89,7 +89,8 @@ def random_access(folder: Path, workers: int = 2, maps: int = 2000) -> dict[str,
     steps = iter(loader)
     next(steps)  # workers have started
     children = [worker.pid for worker in getattr(steps, "_workers", ())]
-    begin, done, marks = time.perf_counter(), 0, []
+    marks: list[tuple[int, float, float]] = []
+    begin, done = time.perf_counter(), 0
     for x, _ in steps:
         done += len(x)
         if done * 4 // maps > len(marks):
@@ -105,18 +106,24 @@ def random_access(folder: Path, workers: int = 2, maps: int = 2000) -> dict[str,
 
 
 def sequential(folder: Path, workers: int = 0, limit: float = 4e9) -> dict[str, Any]:
-    """Stored bytes a second of streaming all raw samples, and the memory at quarters of them."""
+    """Stored bytes a second of streaming all raw samples, and of a core in this process; the memory at quarters."""
     data = StreamingRadarDataset(folder, None, stored_words, "action", shuffle=0)
     forget(folder)
     stored = sum(path.stat().st_size for path in folder.glob("shard-*.h5"))
     whole = len(data)
     count = max(1, min(whole, int(whole * limit / stored)))
-    begin, held = time.perf_counter(), []
+    begin, start = time.perf_counter(), time.process_time()
+    held: list[float] = []
     for number, _ in enumerate(_items(data, workers, count), 1):
         if number * 4 // count > len(held):
             held.append(memory())
-    seconds = time.perf_counter() - begin
-    return {"bytes_per_s": stored * count / whole / seconds, "memory_mb": held, "recordings": count}
+    seconds, busy = time.perf_counter() - begin, time.process_time() - start
+    size = stored * count / whole
+    core = None if workers else size / busy
+    return {
+        "bytes_per_s": size / seconds, "bytes_per_core_s": core, "workers": workers, "memory_mb": held,
+        "recordings": count,
+    }  # fmt: skip
 
 
 def _items(data: StreamingRadarDataset, workers: int, count: int) -> Iterator[Any]:
@@ -132,11 +139,11 @@ def measure_loading(folder: Path, workers: int = 2) -> dict[str, Any]:
     """Random and sequential access of a set, beside the disk's own speed in the same run."""
     disk = disk_rate(folder)
     random = random_access(folder, workers)
-    words = sequential(folder)
+    words = [sequential(folder, each) for each in (0, workers)]
     again = disk_rate(folder)
     rate = max(disk, again)
     return {"disk_bytes_per_s": [disk, again], "random": random, "sequential": words,
-            "sequential_share": words["bytes_per_s"] / rate}  # fmt: skip
+            "sequential_share": max(each["bytes_per_s"] for each in words) / rate}  # fmt: skip
 
 
 if __name__ == "__main__":
