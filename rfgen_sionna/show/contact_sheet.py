@@ -26,7 +26,7 @@ from rfgen_sionna.show.viewer_frames import viewed_frame, viewed_run
 
 _TILE, _COLUMNS = 1.42, 2
 """Width and height of a picture [inch]; recordings side by side."""
-_TITLES = ("mesh", "range–Doppler", "micro-Doppler", "points from above")
+_TITLES = ("mesh or joints", "range–Doppler", "micro-Doppler", "points from above")
 """What the four pictures show."""
 _BODY = (0.72, 0.76, 0.81)
 """Red, green and blue of meshes, 0 … 1."""
@@ -221,7 +221,7 @@ def _draw_shapes(axes: Axes, run: Displayable, shapes: Sequence[ActorShape], fra
         across = -(places - here) @ left
         for parent, child in shape.bones:
             axes.plot(across[[parent, child]], places[[parent, child], 2], color=INK, linewidth=0.8)
-        axes.scatter(across, places[:, 2], s=2, color=INK)
+        axes.scatter(across, places[:, 2], s=0.8, color=INK)
     axes.set_aspect("equal", adjustable="datalim")
 
 
