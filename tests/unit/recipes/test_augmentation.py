@@ -81,7 +81,7 @@ def test_mistakes_are_named_before_anything_is_written(traced: Path, tmp_path: P
         augment_dataset(traced, tmp_path / "new", [Variant(preset="nonsense", radar=radar)])
     with pytest.raises(OutputError, match="is not empty"):
         augment_dataset(traced, traced, [Variant()])
-    plain = built(tmp_path / "plain", '["adc"]', 1)
+    plain = built(tmp_path / "plain", '["adc"]', 2)
     with pytest.raises(RunFormatError, match="holds no paths"):
         augment_dataset(plain, tmp_path / "new", [Variant()])
     assert not (tmp_path / "new").exists()
