@@ -30,8 +30,8 @@ PROMPTS: Mapping[str, tuple[str, ...]] = {
     "boxing": ("a person boxing, at {front} m, facing the radar",),
     "jack": ("a person does jumping jacks, {jacks} a minute, at {far} m, facing the radar",),
     "jump": (
-        "a person hops in place with tiny hops, arms hanging, at {far} m, facing the radar",
-        "a person hops in place with tiny hops, with hands on the hips, at {far} m, facing the radar",
+        "a person hops in place with tiny hops, arms hanging, {hops} a minute, at {far} m, facing the radar",
+        "a person hops in place with tiny hops, with hands on the hips, {hops} a minute, at {far} m, facing the radar",
     ),
     "squats": ("a person does shallow squats, {squats} a minute, at {front} m, facing the radar",),
     "walk": (
@@ -47,8 +47,9 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "jacks": (55.0, 70.0),
     "squats": (28.0, 42.0),
     "speed": (0.35, 0.5),
+    "hops": (110.0, 140.0),
 }
-"""Uniform ranges: distances [m], repetitions a minute, speed [m/s]. Distances, rates of jacks and squats and the
+"""Uniform ranges: distances [m], repetitions a minute, speed [m/s]. Distances, rates and the
 walkers' speed are those of RadHAR's training part."""
 MOTION_S = 10.0
 """Length of the motion that a recording is a part of [s]."""
