@@ -7,7 +7,7 @@ import json
 import math
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -28,6 +28,7 @@ from rfgen_sionna.recipes.recording_sizes import recording_bytes
 from rfgen_sionna.recipes.recording_spec import FREE_SPACE, BodySpec, RecordingSpec
 from rfgen_sionna.recipes.set_radars import set_radars
 from rfgen_sionna.recipes.split_pools import SplitPools, split_pools
+from rfgen_sionna.recipes.stratified_draws import StratifiedDraws
 from rfgen_sionna.recipes.value_forms import ValueForm
 
 DRAWN = ("people", "distance_m", "azimuth_deg", "orientation_deg", "duration_s")
@@ -40,7 +41,8 @@ class Recipe(RecipeContents):
     """A checked recipe; :meth:`load` and :meth:`parse` make one.
 
     All that is drawn derives from the recipe's seed and a recording's number, so that neither order nor number of
-    workers changes a recording.
+    workers changes a recording. First attempts are stratified: each choice has its share in every split to within one
+    recording, and ranges are covered evenly.
     """
 
     @classmethod
@@ -148,12 +150,18 @@ class Recipe(RecipeContents):
 
     @cached_property
     def _assigned(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        shares = {WHOLE_SET: 1.0} if self.tables.splits is None else self.tables.splits.shares
-        return assigned(self.count, shares, stream(self.tables.seed, "splits"))
+        return assigned(self.count, self._shares, stream(self.tables.seed, "splits"))
+
+    @cached_property
+    def _sizes(self) -> dict[str, int]:
+        return parts_of(self.count, self._shares)
+
+    @property
+    def _shares(self) -> Mapping[str, float]:
+        return {WHOLE_SET: 1.0} if self.tables.splits is None else self.tables.splits.shares
 
     def _check_splits(self) -> None:
-        splits = self.tables.splits
-        for name, size in ({} if splits is None else parts_of(self.count, splits.shares)).items():
+        for name, size in self._sizes.items():
             if size == 0:
                 raise RecipeError(f"splits.shares: '{name}' would be empty with {self.count} recordings: give more")
 
@@ -184,37 +192,40 @@ class Recipe(RecipeContents):
         if attempt < 0:
             raise ValueError(f"attempt is {attempt}: at least 0 is needed")
         tables, name = self.tables, self.split_of(number)
-        pools, cells = self._pools[name], self._cells(name, int(self._assigned[1][number]))
-
-        def rng(key: str, kept: bool = False) -> np.random.Generator:
-            return stream(tables.seed, number, 0 if kept else attempt, key)
+        pools, rank = self._pools[name], int(self._assigned[1][number])
+        cells = self._cells(name, rank)
+        draws = StratifiedDraws(tables.seed, number, attempt, name, rank, self._sizes[name])
+        first = replace(draws, attempt=0)
 
         def value(key: str, form: ValueForm[Any] | None) -> Any:
             if form is None or form.is_fixed:
                 return None if form is None else form.values[0]
-            return form.draw(rng(key, key in _KEPT_ON_RETRY), cells.get(key, 0))
+            return form.draw(first if key in _KEPT_ON_RETRY else draws, key, cells.get(key, 0))
 
         def seed(key: str) -> int:
             return derived_seed(tables.seed, number, attempt, key)
 
         people = value("people", tables.people)
         sources = [
-            self.sources[pools.sources.draw(rng(f"source {index}", True), cells.get("prompts", 0))]
+            self.sources[pools.sources.draw(first.even(f"source {index}"), cells.get("prompts", 0))[0]]
             for index in range(people)
         ]
         if tables.places is None:
             place = next((prompted_place(each.surroundings) for each in sources if each.surroundings), self.places[0])
+            of_layout = first.even("layout")
         else:
-            place = self.places[pools.places.draw(rng("place", True), cells.get("places", 0))]
+            index, of_layout = pools.places.draw(first.even("place"), cells.get("places", 0))
+            place = self.places[index]
         layouts = pools.layouts.get(place.name)
         if layouts is None:
             place_seed = seed("place seed")
         else:
-            place_seed = self.layout_seed(place.name, int(rng("layout").choice(layouts)))
+            number_of_layout = draws.even("layout") if attempt else of_layout
+            place_seed = self.layout_seed(place.name, _member(layouts, number_of_layout))
         if pools.motions is None:
             motion_seed = seed("motion")
         else:
-            motion_seed = derived_seed(tables.seed, "motion", int(rng("motion").choice(pools.motions)))
+            motion_seed = derived_seed(tables.seed, "motion", _member(pools.motions, draws.even("motion")))
         return RecordingSpec(
             number=number,
             attempt=attempt,
@@ -223,7 +234,7 @@ class Recipe(RecipeContents):
             motion_seed=motion_seed,
             place=place.name,
             place_seed=place_seed,
-            bodies=self._bodies(pools, sum(each.people for each in sources), number, rng("bodies"), seed("bodies")),
+            bodies=self._bodies(pools, sum(each.people for each in sources), draws, seed("bodies")),
             sources=tuple(each.spec for each in sources),
             radars=tuple(each.spec(value) for each in self.radars),
             duration_s=value("duration_s", tables.duration_s),
@@ -243,26 +254,38 @@ class Recipe(RecipeContents):
             keep=tuple(tables.keep),
         )
 
-    def _bodies(
-        self, pools: SplitPools, people: int, number: int, rng: np.random.Generator, seed: int
-    ) -> tuple[BodySpec, ...]:
+    def _bodies(self, pools: SplitPools, people: int, draws: StratifiedDraws, seed: int) -> tuple[BodySpec, ...]:
+        """Different people, as far as the pool has them."""
         if pools.bodies is None:
-            return tuple(self._body(seed, index) for index in range(people))
-        drawn = rng.choice(pools.bodies, people, replace=people > len(pools.bodies))
-        return tuple(self._body(self.tables.seed, "pool", int(index)) for index in drawn)
+            return tuple(
+                self._body(derived_seed(seed, index, "body"), draws, f"body {index} ") for index in range(people)
+            )
+        found, left = [], pools.bodies
+        for index in range(people):
+            body = _member(left, draws.even(f"body {index}"))
+            left = left[left != body] if len(left) > 1 else pools.bodies
+            found.append(self._body_of_pool(pools.bodies, body, draws.group))
+        return tuple(found)
 
-    def _body(self, *keys: int | str) -> BodySpec:
-        """One person: seed and attributes by the keys alone."""
+    def _body_of_pool(self, pool: NDArray[np.int64], body: int, split: str) -> BodySpec:
+        """A person, the same in all recordings."""
+        splits, seed = self.tables.splits, self.tables.seed
+        group = split if splits is not None and "body" in splits.by else WHOLE_SET
+        draws = StratifiedDraws(seed, body, 0, group, int(np.searchsorted(pool, body)), len(pool))
+        return self._body(derived_seed(seed, "pool", body, "body"), draws, "pool ")
+
+    def _body(self, seed: int, draws: StratifiedDraws, key: str) -> BodySpec:
+        """A person with drawn attributes; `key` stands before their names."""
         tables = self.tables.bodies
         drawn: dict[str, Any] = {
-            name: form.draw(stream(*keys, name))
+            name: form.draw(draws, key + name)
             for name in ("gender", "age_years", "height_m", "weight_kg", "muscle")
             if (form := getattr(tables, name)) is not None
         }
         rounded: dict[str, Any] = {
             name: value if isinstance(value, str) else round(value, 3) for name, value in drawn.items()
         }
-        return BodySpec(derived_seed(*keys, "body"), **rounded)
+        return BodySpec(seed, **rounded)
 
     def _grids(self, split: str) -> list[tuple[str, int]]:
         """Keys with a grid and the number of their values in a split, the fastest first."""
@@ -322,6 +345,11 @@ def _receivers(tables: RecipeTables, located: Any) -> ValueForm[Mapping[str, Any
             value = tomllib.loads(path.read_text(encoding="utf-8"))
         read.append(value)
     return ValueForm(form.kind, tuple(read), form.weights)
+
+
+def _member(pool: NDArray[np.int64], number: float) -> int:
+    """A member of a pool by a number in [0, 1), each with the same chance."""
+    return int(pool[int(number * len(pool))])
 
 
 def _files(name: str | None) -> list[Path]:

@@ -13,6 +13,7 @@ from rfgen_sionna.recipes.recipe_error import RecipeError
 from rfgen_sionna.recipes.recipe_places import Place
 from rfgen_sionna.recipes.recipe_sources import Source
 from rfgen_sionna.recipes.recipe_tables import RecipeTables
+from rfgen_sionna.recipes.stratified_draws import chosen
 from rfgen_sionna.recipes.value_forms import ValueForm
 
 
@@ -24,13 +25,15 @@ class Options:
     chances: tuple[float, ...]
     is_grid: bool = False
 
-    def draw(self, rng: np.random.Generator, cell: int) -> int:
-        """Index of a value among all of the recipe; `cell` is its place in a grid."""
+    def draw(self, number: float, cell: int) -> tuple[int, float]:
+        """Index of a value among all of the recipe, and a number in [0, 1) for a choice that depends on the value.
+
+        `number` in [0, 1) decides the value; of a grid `cell` does.
+        """
         if self.is_grid:
-            return self.indices[cell % len(self.indices)]
-        if len(self.indices) == 1:
-            return self.indices[0]
-        return self.indices[int(rng.choice(len(self.indices), p=self.chances))]
+            return self.indices[cell % len(self.indices)], number
+        index, rest = chosen(number, self.chances)
+        return self.indices[index], rest
 
 
 @dataclass(frozen=True)

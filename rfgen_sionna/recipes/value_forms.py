@@ -14,6 +14,8 @@ import numpy as np
 from annotated_types import Len
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
+from rfgen_sionna.recipes.stratified_draws import StratifiedDraws, chosen
+
 T = TypeVar("T")
 
 MAX_VALUES = 10_000
@@ -41,20 +43,15 @@ class ValueForm(Generic[T]):
         """Whether there is one value only."""
         return len(self.values) == 1
 
-    def draw(self, rng: np.random.Generator, cell: int = 0) -> T:
-        """A value; `cell` is the index in a grid."""
+    def draw(self, draws: StratifiedDraws, key: str, cell: int = 0) -> T:
+        """The value of a key; `cell` is the index in a grid."""
         if self.kind == "range":
             low, high = (np.asarray(value, np.float64) for value in self.values)
-            return np.asarray(rng.uniform(low, high)).tolist()
-        return self.values[self.draw_index(rng, cell)]
-
-    def draw_index(self, rng: np.random.Generator, cell: int = 0) -> int:
-        """Index of a value; `cell` is that in a grid."""
+            numbers = [draws.loose(f"{key} {axis}") for axis in range(low.size)]
+            return np.minimum(low + (high - low) * np.reshape(numbers, low.shape), high).tolist()
         if self.is_fixed:
-            return 0
-        if self.is_grid:
-            return cell
-        return int(rng.choice(len(self.values), p=self.weights or None))
+            return self.values[0]
+        return self.values[cell if self.is_grid else chosen(draws.even(key), self.chances)[0]]
 
     @property
     def chances(self) -> tuple[float, ...]:
