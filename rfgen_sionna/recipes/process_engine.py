@@ -6,6 +6,7 @@ import json
 import logging
 import os
 import pickle
+import re
 import selectors
 import signal
 import subprocess
@@ -27,9 +28,15 @@ MAX_WORKER_MEMORY = 3_000_000_000
 """Memory above which a worker is replaced by a new one after its recording [bytes]."""
 MAX_CRASHES = 2
 """Number of processes that a recording may end before it is a failure."""
+MAX_FAILED_STARTS = 3
+"""Processes that may end one after another before they have their job; one that starts counts anew."""
 PATIENCE = 5.0
 """Time for a process to end after its output did [s]."""
+START_PATIENCE = 120.0
+"""Time for a process to say why it cannot start [s]."""
 
+_COMMAND = (sys.executable, "-m", "rfgen_sionna.recipes.worker_process")
+_FAULT = re.compile(r"[\w.]+(Error|Exception)\b")
 _LOG = logging.getLogger(__name__)
 
 
@@ -70,13 +77,16 @@ class LocalProcesses:
     def outcomes(self, job: Job, numbers: Iterable[int]) -> Generator[Outcome, None, None]:
         """Outcomes of the recordings, in the order in which they end; at the end of the iteration all processes end.
 
+        Processes that cannot start, such as for want of memory, are fewer from then on.
+
         Raises
         ------
         RuntimeError
-            If a process cannot start.
+            If none can start, with the message of one.
         """
         pickled = pickle.dumps(job)
         left, crashes = deque(numbers), Counter[int]()
+        allowed, failed_starts = self.workers, 0
         workers: list[_WorkerHandle] = []
         with selectors.DefaultSelector() as ready:
 
@@ -87,9 +97,9 @@ class LocalProcesses:
 
             try:
                 while left or any(each.number is not None for each in workers):
-                    for worker in [each for each in workers if each.number is None and left]:
+                    for worker in [each for each in workers if each.number is None][: len(left)]:
                         worker.give(left.popleft())
-                    while left and len(workers) < self.workers:
+                    while left and len(workers) < allowed:
                         worker = _WorkerHandle(pickled, self._environment())
                         workers.append(worker)
                         ready.register(worker.answers, selectors.EVENT_READ, worker)
@@ -98,7 +108,7 @@ class LocalProcesses:
                         worker, number = key.data, key.data.number
                         line = worker.answers.readline()
                         if line == f"{READY}\n".encode():
-                            worker.started = True
+                            worker.started, failed_starts = True, 0
                         elif line.endswith(b"\n"):
                             outcome = Outcome.from_dict(json.loads(line))
                             worker.number = None
@@ -108,17 +118,36 @@ class LocalProcesses:
                         else:
                             started, code = worker.started, end(worker, PATIENCE)
                             if not started:
-                                raise RuntimeError(f"a worker could not start: {_exit_text(code)}; see its message")
-                            if number is None:  # between two recordings
-                                continue
-                            crashes[number] += 1
-                            if crashes[number] < MAX_CRASHES:
                                 left.appendleft(number)
+                                failed_starts += 1
+                                if failed_starts >= MAX_FAILED_STARTS:
+                                    allowed = len(workers)
+                                    if not workers:
+                                        raise RuntimeError(self._start_fault(pickled, code))
+                            elif number is None:  # between two recordings
+                                continue
                             else:
-                                yield Outcome(number, "crashed", f"{MAX_CRASHES} workers ended: {_exit_text(code)}")
+                                crashes[number] += 1
+                                if crashes[number] < MAX_CRASHES:
+                                    left.appendleft(number)
+                                else:
+                                    yield Outcome(number, "crashed", f"{MAX_CRASHES} workers ended: {_exit_text(code)}")
             finally:
                 for worker in list(workers):
                     end(worker)
+
+    def _start_fault(self, job: bytes, code: int) -> str:
+        """What a process says that starts and ends at once; `code` is the exit code of the last one."""
+        with suppress(subprocess.TimeoutExpired):
+            done = subprocess.run(
+                _COMMAND, input=_message(job), capture_output=True, env=self._environment(), timeout=START_PATIENCE,
+                check=False,
+            )  # fmt: skip
+            said = done.stderr.decode(errors="replace").strip().splitlines()
+            if done.returncode and said:
+                faults = [line for line in said if _FAULT.match(line)]
+                return f"no worker could start: {_exit_text(code)}: {(faults or said)[-1][:500]}"
+        return f"no worker could start: {_exit_text(code)}"
 
     def _environment(self) -> dict[str, str]:
         path = os.pathsep.join(each or os.getcwd() for each in sys.path)
@@ -132,20 +161,25 @@ def _exit_text(code: int) -> str:
     return f"signal {name}" + (", often want of memory: take fewer workers" if name == "SIGKILL" else "")
 
 
+def _message(job: bytes) -> bytes:
+    """The job as a process reads it."""
+    return f"{len(job)}\n".encode() + job
+
+
 class _WorkerHandle:
     """One process, seen from the driver."""
 
     def __init__(self, job: bytes, environment: dict[str, str]) -> None:
         # Linux ends a process with the thread that started it, which only the main thread outlives.
         flags = ["--end-with-parent"] if threading.current_thread() is threading.main_thread() else []
-        command = [sys.executable, "-m", "rfgen_sionna.recipes.worker_process", *flags]
+        command = [*_COMMAND, *flags]
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, bufsize=0
         )
         self.number: int | None = None
         self.started = False
         self.answers: Any = self._process.stdout
-        self._send(f"{len(job)}\n".encode() + job)
+        self._send(_message(job))
 
     def give(self, number: int) -> None:
         """Let it make a recording."""

@@ -59,8 +59,24 @@ def test_a_worker_above_its_memory_is_replaced(tmp_path: Path) -> None:
 
 def test_a_worker_that_cannot_start_is_an_error_not_a_failed_recording(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(LocalProcesses, "_environment", lambda self: {"PATH": os.environ["PATH"], "PYTHONHOME": "/x"})
-    with pytest.raises(RuntimeError, match="a worker could not start: exit code"):
-        list(LocalProcesses(1).outcomes(EchoJob(tmp_path), range(3)))
+    with pytest.raises(RuntimeError, match=r"no worker could start: exit code 1: .*encodings"):
+        list(LocalProcesses(2).outcomes(EchoJob(tmp_path), range(3)))
+
+
+@pytest.mark.parametrize("ended", [1, 2])
+def test_a_worker_that_is_killed_before_its_job_ends_no_build(tmp_path: Path, ended: int) -> None:
+    made = list(LocalProcesses(1).outcomes(EchoJob(tmp_path, starts_to_end=ended), range(3)))
+    assert [(each.number, each.kind) for each in made] == [(number, "made") for number in range(3)]
+
+
+def test_workers_that_end_at_their_start_are_given_up_with_their_message(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match=r"no worker could start: signal SIGKILL.*: MemoryError: no memory for"):
+        list(LocalProcesses(1).outcomes(EchoJob(tmp_path, starts_to_end=4), range(3)))
+
+
+def test_several_idle_workers_take_the_one_recording_that_is_left(tmp_path: Path) -> None:
+    job = EchoJob(tmp_path, deadly={0: 1}, waits={0: 1.5})  # its worker ends when the others have nothing to do
+    assert sorted(each.number for each in LocalProcesses(3).outcomes(job, range(3))) == [0, 1, 2]
 
 
 def test_an_iteration_that_is_left_ends_its_processes(tmp_path: Path) -> None:
