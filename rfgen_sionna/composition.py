@@ -22,6 +22,7 @@ from rfgen_sionna.scene.checks.actors import OutsidePolicy, Policy
 from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.scene.scene import RadarScene
+from rfgen_sionna.scene.scene_errors import PlacementError
 from rfgen_sionna.scene_request import SceneRequest, spot_of
 from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource, chosen_receiver
 from rfgen_sionna.simulation import Simulator
@@ -95,8 +96,10 @@ def compose(
 
     Raises
     ------
-    ValueError
-        If the run cannot be: somebody in a wall, hidden or too far, for instance.
+    PlacementError
+        If somebody cannot be at his place: in a wall, hidden or too far.
+    PromptError, ValueError
+        If a prompt cannot be carried out, or an option is wrong.
     """
     settings = _settings(request, radars, view)
     name, radar = next(iter(radars.items()))
@@ -210,7 +213,7 @@ def _by_default(decision: Decision) -> Decision:
 
 
 def _check_visible(simulator: Simulator, setting: RunEnvironment, people: Sequence[Actor], duration: float) -> None:
-    """ValueError if static surfaces hide somebody from the radar all the time."""
+    """PlacementError if static surfaces hide somebody from the radar all the time."""
     # Surroundings from an image are opaque.
     opaque = setting.environment is not None or not simulator.transmission
     for person in people if opaque else ():
@@ -222,7 +225,7 @@ def _check_visible(simulator: Simulator, setting: RunEnvironment, people: Sequen
         else:
             what, remedy = f"surroundings of the {setting.name} hide", "choose another distance, seed or environment"
         away = float(np.hypot(*(np.asarray(person.position) - np.asarray(simulator.radar.position))[:2]))
-        raise ValueError(
+        raise PlacementError(
             f"distance is {away:.3g} m: {what} the {person.name} from the radar there; {remedy}, or place the radar "
             "elsewhere"
         )

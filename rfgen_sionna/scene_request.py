@@ -28,6 +28,7 @@ from rfgen_sionna.generative.several_actors import PromptedActors, actor_seed, r
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.checks.actors import OutsidePolicy
 from rfgen_sionna.scene.mesh_actor import MeshActor
+from rfgen_sionna.scene.scene_errors import PlacementError
 
 _LOG = logging.getLogger(__name__)
 
@@ -236,12 +237,12 @@ def _with_arguments(
 
 
 def check_distances(request: SceneRequest, radar: Radar, outside: OutsidePolicy) -> None:
-    """ValueError if the prompt places somebody beyond the range window of the radar, or the radar looks straight up or
-    down."""
+    """PlacementError if the prompt places somebody beyond the range window of the radar; ValueError if that looks
+    straight up or down."""
     for said in request.said if outside == "error" else ():
         away = DEFAULT_DISTANCE if said.distance_m is None else said.distance_m
         if away > radar.max_range:
-            raise ValueError(
+            raise PlacementError(
                 f"distance is {away:g} m; the range window of radar '{radar.name}' (preset '{radar.preset}') ends at "
                 f"{radar.max_range:.2f} m: choose a smaller one, or a preset with a lower slope or a higher sample rate"
             )

@@ -13,6 +13,7 @@ from rfgen_sionna.generative.decisions import Decision, drawn
 from rfgen_sionna.generative.prompts.scene_prompt import ScenePrompt
 from rfgen_sionna.generative.repertoire import WAYS
 from rfgen_sionna.records import Motion
+from rfgen_sionna.scene.scene_errors import PlacementError
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
@@ -84,7 +85,7 @@ def way_decisions(
         if away.min() < NEAREST:
             at = np.zeros(2) if radar is None else np.asarray(radar.position)[:2]
             further = np.linalg.norm(np.asarray(place) - at) + NEAREST - away.min()
-            raise ValueError(
+            raise PlacementError(
                 f"path: leads to {away.min():.2f} m from the radar; at least {NEAREST:g} m must stay free: take a "
                 f"distance of at least {np.ceil(10 * further) / 10:g} m, a shorter duration, or a slower pace"
             )
@@ -125,7 +126,7 @@ def check_walk_path(motion: Motion, place: tuple[float, float], yaw: float, rada
         radar: the radar; None is one at the origin.
 
     Raises:
-        ValueError: the walk comes too near; the message has a duration and a distance that fit.
+        PlacementError: the walk comes too near; the message has a duration and a distance that fit.
     """
     at = np.zeros(2) if radar is None else np.asarray(radar.position)[:2]
     away = _away(motion, place, yaw, radar)
@@ -134,7 +135,7 @@ def check_walk_path(motion: Motion, place: tuple[float, float], yaw: float, rada
     middle = float(np.linalg.norm(np.asarray(place) - at))
     if away.min() < NEAREST:
         fits = 2.0 * (middle - NEAREST) / pace
-        raise ValueError(
+        raise PlacementError(
             f"walk: {motion.duration:g} s at {pace:.2f} m/s are {length:.1f} m, half of it before and half beyond the "
             f"distance of {middle:g} m, and lead to {away.min():.2f} m from the radar; at least {NEAREST:g} m must "
             f"stay free: {f'at most {np.floor(10 * fits) / 10:g} s fit there, or ' if fits >= 0.1 else ''}"

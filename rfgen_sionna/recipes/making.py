@@ -11,12 +11,11 @@ import numpy as np
 
 from rfgen_sionna.composition import Reception, TraceOptions, compose
 from rfgen_sionna.dataset.actor_labels import actor_labels
-from rfgen_sionna.dataset.disk_space import DiskSpaceError
 from rfgen_sionna.generative.actor import Actor
-from rfgen_sionna.generative.bodies import Phenotype
+from rfgen_sionna.generative.bodies import Phenotype, PhenotypeError
 from rfgen_sionna.generative.clip_person import person_with_clip, read_clip_prompt
 from rfgen_sionna.generative.environment_setup import ImageOptions
-from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE
+from rfgen_sionna.generative.prompts import DEFAULT_DISTANCE, PromptError
 from rfgen_sionna.generative.radar_placement import place_before_radar
 from rfgen_sionna.generative.several_actors import placed_before
 from rfgen_sionna.options import chosen_view, placed_radar
@@ -25,6 +24,7 @@ from rfgen_sionna.recipes.recording_spec import BodySpec, RecordingSpec, SourceS
 from rfgen_sionna.recording import ImageView, RunPlan, write_run
 from rfgen_sionna.scene.floor import floor_under
 from rfgen_sionna.scene.scene import RadarScene
+from rfgen_sionna.scene.scene_errors import PlacementError
 from rfgen_sionna.scene_request import (
     PersonBody,
     Placement,
@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 
 SPACING = 1.3
 """Distance between neighbours of a recording of several sources [m]."""
+IMPOSSIBLE = (PlacementError, PromptError, PhenotypeError)
+"""Errors of a draw that cannot be; all others are faults of the machine, the files or the program."""
 
 
 def make_with_attempts(recipe: Recipe, number: int, path: Path, device: str = "cpu") -> RecordingSpec:
@@ -48,21 +50,19 @@ def make_with_attempts(recipe: Recipe, number: int, path: Path, device: str = "c
 
     Raises
     ------
-    ValueError
+    PlacementError
         If no attempt can be made: the reason of the last one.
-    DiskSpaceError
-        If the disk has no room.
+    Exception
+        Whatever else is wrong, such as a full disk or an unreadable file: no further draw is an answer to that.
     """
     attempts = max(1, recipe.tables.attempts)
     for attempt in range(attempts):
         spec = recipe.recording(number, attempt)
         try:
             make_recording(spec, path, device)
-        except DiskSpaceError:
-            raise
-        except ValueError as error:
+        except IMPOSSIBLE as error:
             if attempt == attempts - 1:
-                raise ValueError(f"none of {attempts} draws could be made, the last one: {error}") from error
+                raise PlacementError(f"none of {attempts} draws could be made, the last one: {error}") from error
         else:
             return spec
     raise AssertionError("unreachable")
@@ -82,7 +82,7 @@ def make_recording(spec: RecordingSpec, path: Path, device: str = "cpu") -> None
 
     Raises
     ------
-    ValueError
+    PlacementError, PromptError, PhenotypeError
         If the recording cannot be: somebody in a wall, hidden or too far, for instance.
     """
     plans = recording_plans(spec, device)

@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, Protocol
 
 OutcomeKind = Literal["made", "impossible", "error", "crashed", "disk full"]
-"""Impossible: no draw of the recipe can be made, which no further try changes. Error: an exception of the program.
+"""Impossible: no draw of the recipe can be made, which no further try changes. Error: a fault of the
+program, of a file or of the disk, which a later call tries again.
 Crashed: the worker's process ended twice."""
 FINAL = ("made", "impossible")
 """Kinds of outcomes that a further try does not change."""

@@ -17,6 +17,7 @@ from pathlib import Path
 from rfgen_sionna.recipes.outcome import MAX_REASON, Outcome, OutcomeKind, is_disk_full
 from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.worker_memory import resident_memory
+from rfgen_sionna.scene.scene_errors import PlacementError
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS"), "1")
 """Environment of a worker, which uses one core: its recordings do not depend on the number of cores."""
@@ -70,7 +71,7 @@ class RecordingJob:
 def _kind(error: Exception) -> OutcomeKind:
     if is_disk_full(error):
         return "disk full"
-    return "impossible" if isinstance(error, ValueError) else "error"
+    return "impossible" if isinstance(error, PlacementError) else "error"
 
 
 def part_name(number: int) -> str:

@@ -7,6 +7,10 @@ class SceneError(ValueError):
     """A scene is not found, cannot be read, or does not fit its radar."""
 
 
+class PlacementError(SceneError):
+    """A radar, a person or a thing cannot be where it is asked to be: in a wall, hidden, or out of range."""
+
+
 class SceneFileNotFoundError(SceneError, FileNotFoundError):
     """There is no scene file of the given path."""
 

@@ -18,6 +18,7 @@ from rfgen_sionna.generative.environment.viewpoints import MEDIAN_DISTANCE, NEAR
 from rfgen_sionna.pir.view import View
 from rfgen_sionna.scene.furnished import furnished
 from rfgen_sionna.scene.furnished.furnished_scene import FurnishedScene
+from rfgen_sionna.scene.scene_errors import PlacementError
 
 FIRST_SEED = 1 << 40
 """First seed of imagined layouts."""
@@ -97,7 +98,7 @@ class Room:
         """Check a radar position.
 
         Raises:
-            ValueError: it is outside walls, floor or ceiling.
+            PlacementError: it is outside walls, floor or ceiling.
         """
         if self.inside is None:
             return
@@ -106,7 +107,7 @@ class Room:
             return
         ends = zip(self.inside, (*self.offset, 0.0), strict=True)
         limits = ", ".join(f"{low - off:.2f} … {high - off:.2f}" for (low, high), off in ends)
-        raise ValueError(
+        raise PlacementError(
             f"position: {tuple(float(x) for x in view.position)} m is outside of the room that was imagined from its "
             f"first view; x, y and z in {limits} m are inside"
         )
@@ -157,7 +158,7 @@ def choose_room(wanted: PlaceRequest, view: View, seed: int, *, anywhere: bool =
             break
     if best is None:
         limit = f"; the ceiling of the last is {scene.layout.height:.2f} m high" if scene.layout.indoors else ""
-        raise ValueError(
+        raise PlacementError(
             f"position: {view.position[2]:g} m high, and none of {LAYOUTS} layouts of the kind {wanted.place!r} has a "
             f"free spot for a radar there{limit}"
         )

@@ -17,6 +17,7 @@ from rfgen_sionna.scene.checks.radar_distance import CLEARANCE, Obstacle, check_
 from rfgen_sionna.scene.mesh import used_vertices
 from rfgen_sionna.scene.mesh_files import LARGE_MESH, units_hint
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.scene.scene_errors import PlacementError
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene.mesh_actor import MeshActor
@@ -54,9 +55,9 @@ def check_places(
     Raises
     ------
     ValueError
-        An actor leaves the range window, or has vertices that are not finite.
-    SceneError
-        An actor comes around the radar or through it.
+        An actor has vertices that are not finite.
+    PlacementError
+        An actor leaves the range window, comes around the radar or through it.
     """
     for actor in actors:
         steps = max(1, math.ceil((stop - start) / CHECK_STEP))
@@ -104,7 +105,7 @@ def check_collisions(
 
     Raises
     ------
-    SceneError
+    PlacementError
         At the first such depth, with actor, object, time, place and cure.
     """
     if policy == "ignore" or rays is None:
@@ -130,7 +131,7 @@ def _within_window(
     if reach > radar.max_range and outside == "error":
         extent = float(np.ptp(points, axis=0).max())
         units = f"; it is {extent:.4g} m long: {units_hint(extent)}" if extent > LARGE_MESH else ""
-        raise ValueError(
+        raise PlacementError(
             f"actor '{actor.name}' reaches {reach:.2f} m from the radar at t = {t:.3f} s; the ADC's range window "
             f'ends at {radar.max_range:.2f} m: move it closer, leave out returns from beyond it (outside="ignore"), or '
             f"take a preset with a lower slope or a higher sample rate{units}"

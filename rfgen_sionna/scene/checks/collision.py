@@ -13,7 +13,7 @@ from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.checks.radar_distance import Obstacle, distance, surface_of, winding_number
 from rfgen_sionna.scene.rays import Hits, RayScene
 from rfgen_sionna.scene.scene import StaticObject
-from rfgen_sionna.scene.scene_errors import SceneError
+from rfgen_sionna.scene.scene_errors import PlacementError
 
 CONTACT = 0.02
 """Depth of contact with a surface [m]: feet on the floor, a hand on a table."""
@@ -321,13 +321,13 @@ def report_collisions(found: Iterable[Collision], policy: str, remedy: str, stac
 
     Raises
     ------
-    SceneError
+    PlacementError
         At the first refused collision; the message ends with `remedy`.
     """
     collisions: list[Collision] = []
     for each in found:
         if each.depth > ALLOWED and policy == "error":
-            raise SceneError(
+            raise PlacementError(
                 f"{each}; allowed are {100 * ALLOWED:g} cm. {remedy}, or say Simulator(..., collisions='warn') if it "
                 "is meant"
             )

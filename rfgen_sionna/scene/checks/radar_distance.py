@@ -14,7 +14,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.mesh import used_vertices
 from rfgen_sionna.scene.mesh_files import LARGE_MESH, units_hint
 from rfgen_sionna.scene.scene import RadarScene
-from rfgen_sionna.scene.scene_errors import SceneError
+from rfgen_sionna.scene.scene_errors import PlacementError
 
 CLEARANCE = 0.02
 """Free space needed around a radar's centre [m]: antenna arrays are a few centimetres wide."""
@@ -107,7 +107,7 @@ def check_radar_clear(
         t: time [s].
 
     Raises:
-        SceneError: the radar is inside an object, or nearer to its surface than :data:`CLEARANCE`.
+        PlacementError: the radar is inside an object, or nearer to its surface than :data:`CLEARANCE`.
     """
     place = np.asarray(position, np.float64)
     bodies = [(body.name, body.vertices(t), body.faces) for body in map(surface_of, actors)]
@@ -117,7 +117,7 @@ def check_radar_clear(
         if _surrounds(place, vertices, faces) != 0.0:
             extent = float(np.ptp(vertices, axis=0).max())
             units = f", which is {extent:.4g} m long ({units_hint(extent)})" if extent > LARGE_MESH else ""
-            raise SceneError(f"radar position {point_text(place)} m lies inside {what}{units}: move either")
+            raise PlacementError(f"radar position {point_text(place)} m lies inside {what}{units}: move either")
     centres = [vertices.mean(axis=0) for _, vertices, _ in bodies]
     for item in scene.objects if scene else ():
         what = f"{item.name!r} ({item.material})"
@@ -125,7 +125,7 @@ def check_radar_clear(
         if _surrounds(place, item.vertices, item.faces) > 0.0 and not _is_room(
             place, item.vertices, item.faces, centres
         ):
-            raise SceneError(f"radar position {point_text(place)} m lies inside {what}: place it in free space")
+            raise PlacementError(f"radar position {point_text(place)} m lies inside {what}: place it in free space")
 
 
 def check_path_clear(
@@ -134,7 +134,7 @@ def check_path_clear(
     """Check the free space along a moving radar's path from `start` to `stop` [s], every half :data:`CLEARANCE`.
 
     Raises:
-        SceneError: as :func:`check_radar_clear`.
+        PlacementError: as :func:`check_radar_clear`.
     """
     if radar.trajectory is None:
         return
@@ -157,7 +157,7 @@ def _check_gap(place: FloatArray, what: str, vertices: FloatArray, faces: IntArr
         return
     gap = distance(place, vertices, faces)
     if gap < CLEARANCE:
-        raise SceneError(
+        raise PlacementError(
             f"radar position {point_text(place)} m is {1e3 * gap:.3g} mm from the surface of {what}, it needs "
             f"{1e3 * CLEARANCE:g} mm of free space"
         )

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.checks.radar_distance import point_text
 from rfgen_sionna.scene.scene import RadarScene
-from rfgen_sionna.scene.scene_errors import SceneError
+from rfgen_sionna.scene.scene_errors import PlacementError
 
 RINGS = (0.97, 0.7, 0.35)
 """Sines of the elevations of the rays; lower rays would hit hills, and buildings that are open below."""
@@ -46,7 +46,7 @@ def check_radar_placed(position: ArrayLike, scene: RadarScene | None, in_view: C
 
     Raises
     ------
-    SceneError
+    PlacementError
         The radar is in none of the allowed places.
     """
     if scene is None or not scene.objects:
@@ -55,7 +55,7 @@ def check_radar_placed(position: ArrayLike, scene: RadarScene | None, in_view: C
     where = f"radar position {point_text(place)} m"
     if scene.interior is not None:
         if not scene.interior.contains(place):
-            raise SceneError(
+            raise PlacementError(
                 f"{where} lies outside of the room {scene.name!r}, whose walls are opaque: place it within "
                 f"{scene.interior} m"
             )
@@ -68,7 +68,7 @@ def check_radar_placed(position: ArrayLike, scene: RadarScene | None, in_view: C
     if not floors:
         _, above = surfaces.crossings(place, _vertical(1.0))
         what = f"below {scene.objects[above[0]].name!r}" if len(above) else "below the scene"
-        raise SceneError(
+        raise PlacementError(
             f"{where} lies {what}: there are surfaces above it and all around, and none beneath it; place it above "
             "the ground, in the open or in a room"
         )
@@ -76,7 +76,7 @@ def check_radar_placed(position: ArrayLike, scene: RadarScene | None, in_view: C
         return
     if any(surfaces.open_share(floor, place[2]) > OPEN_GROUND for floor in floors) and not in_view():
         item = scene.objects[enclosing]
-        raise SceneError(
+        raise PlacementError(
             f"{where} lies inside of {item.name!r} ({item.material}), a building that occludes everything outside; "
             "place the radar outside, or an actor in its view"
         )

@@ -13,10 +13,16 @@ import trimesh
 from rfgen_sionna.composition import noise_seed
 from rfgen_sionna.dataset import open_run
 from rfgen_sionna.dataset.disk_space import DiskSpaceError
-from rfgen_sionna.recipes import making
+from rfgen_sionna.dataset.schema import RunFormatError
+from rfgen_sionna.dataset.store import OutputError
+from rfgen_sionna.dataset.verified_files import ChecksumError
+from rfgen_sionna.generative.prompts import PromptError
+from rfgen_sionna.recipes import making, recording_job
 from rfgen_sionna.recipes.making import make_recording, make_with_attempts, recording_plans
 from rfgen_sionna.recipes.recipe import Recipe
+from rfgen_sionna.recipes.recording_job import RecordingJob
 from rfgen_sionna.recipes.recording_spec import BodySpec, RadarSpec, RecordingSpec, SourceSpec
+from rfgen_sionna.scene.scene_errors import PlacementError
 from tests.unit.recipes.small_recipes import write_small_recipe
 
 
@@ -110,30 +116,48 @@ def test_what_cannot_be_placed_is_drawn_again(tmp_path: Path, monkeypatch: pytes
     def make(spec: RecordingSpec, path: Path, device: str) -> None:
         tried.append(spec.distance_m)
         if len(tried) < 2:
-            raise ValueError("somebody is in a wall")
+            raise PlacementError("somebody is in a wall")
 
     monkeypatch.setattr(making, "make_recording", make)
     assert make_with_attempts(recipe, 3, tmp_path / "run.h5").attempt == 1
     assert tried == [recipe.recording(3, attempt).distance_m for attempt in (0, 1)]
     tried.clear()
     monkeypatch.setattr(making, "make_recording", lambda *_: make_fail("somebody is in a wall"))
-    with pytest.raises(ValueError, match="none of 2 draws could be made, the last one: somebody is in a wall"):
+    with pytest.raises(PlacementError, match="none of 2 draws could be made, the last one: somebody is in a wall"):
         make_with_attempts(recipe, 3, tmp_path / "run.h5")
 
 
-def make_fail(reason: str, kind: type[ValueError] = ValueError) -> None:
+def make_fail(reason: str, kind: type[Exception] = PlacementError) -> None:
     raise kind(reason)
 
 
-def test_a_full_disk_is_no_place_that_cannot_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("kind", "outcome"),
+    [
+        (DiskSpaceError, "disk full"), (OutputError, "error"), (RunFormatError, "error"), (ChecksumError, "error"),
+        (PermissionError, "error"), (ValueError, "error"), (PlacementError, "impossible"), (PromptError, "impossible"),
+    ],
+)  # fmt: skip
+def test_only_what_a_draw_cannot_be_is_drawn_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: type[Exception], outcome: str
+) -> None:
     recipe = Recipe.load(write_small_recipe(tmp_path / "recipe"))
-    monkeypatch.setattr(making, "make_recording", lambda *_: make_fail("no room", DiskSpaceError))
-    with pytest.raises(DiskSpaceError, match="no room"):
-        make_with_attempts(recipe, 3, tmp_path / "run.h5")
+    tried: list[int] = []
+
+    def make(spec: RecordingSpec, *_: Any) -> None:
+        tried.append(spec.attempt)
+        make_fail("a fault", kind)
+
+    monkeypatch.setattr(making, "make_recording", make)
+    monkeypatch.setattr(recording_job, "prepare_worker", lambda: None)
+    made = RecordingJob(recipe, tmp_path)(3)
+    assert made.kind == outcome
+    assert made.reason.endswith("a fault")
+    assert tried == ([0, 1] if outcome == "impossible" else [0])
 
 
 def test_a_ball_out_of_range_is_refused(spec: RecordingSpec, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="range"):
+    with pytest.raises(PlacementError, match="range"):
         make_recording(replace(spec, distance_m=40.0), tmp_path / "run.h5")
     assert not list(tmp_path.iterdir())
 
