@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import os
 import shutil
+import string
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
@@ -19,6 +21,30 @@ from rfgen_sionna.dataset.store import OutputError
 
 Progress = Callable[[int, int], None]
 """Function of the number of finished recordings and of all."""
+_PLAIN = frozenset(f"{string.ascii_letters}{string.digits}_-")
+_LONGEST_NAME = 120
+"""Longest name of a file or folder that a text gives [bytes]."""
+
+
+def file_name(text: str) -> str:
+    """Name of a file or folder for a text out of a set, such as an action or a split: a different one for each text.
+
+    Letters A to z, digits, `_`, `-` and inner points stay; other bytes (UTF-8) are written %2F, as in addresses. Texts
+    beyond 120 bytes are cut, and end with a digest.
+    """
+    plain = "".join(
+        chr(byte) if chr(byte) in _PLAIN or (byte == ord(".") and place) else f"%{byte:02X}"
+        for place, byte in enumerate(text.encode("utf-8", "surrogatepass"))
+    )
+    if len(plain) > _LONGEST_NAME:
+        digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+        return f"{plain[: _LONGEST_NAME - 18]}%-{digest[:16]}"
+    return plain or "%"
+
+
+def split_folder(split: str) -> str:
+    """Name of the folder of a split; "all" for recordings without one."""
+    return file_name(split or "all")
 
 
 @contextmanager

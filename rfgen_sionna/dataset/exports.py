@@ -9,7 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from rfgen_sionna.dataset.export_folder import Progress, new_folder, save_array, save_record, save_table
+from rfgen_sionna.dataset.export_folder import (
+    Progress,
+    file_name,
+    new_folder,
+    save_array,
+    save_record,
+    save_table,
+    split_folder,
+)
 from rfgen_sionna.dataset.gesture_layout import to_di_gesture
 from rfgen_sionna.dataset.mesh_layout import to_mmmesh
 from rfgen_sionna.dataset.radhar_layout import to_radhar
@@ -58,7 +66,7 @@ def to_npy(
         for window, row, arrays, values in _windows(reader, progress):
             name = _name(row.number, window)
             for key, array in (arrays | _arrays(values)).items():
-                save_array(target / row.split / key / f"{name}.npy", array)
+                save_array(target / split_folder(row.split) / file_name(key) / f"{name}.npy", array)
             table.append(_place(row, window) | {"file": f"{name}.npy"} | _columns(reader, values))
         save_table(target / "labels.csv", table)
         save_record(target / "dataset.json", _record(reader))
@@ -100,10 +108,12 @@ def to_webdataset(
                 if writer is None or size > shard_bytes:
                     if writer is not None:
                         writer.close()
-                    file = target / f"{row.split}-{count:06d}.tar"
+                    file = target / f"{split_folder(row.split)}-{count:06d}.tar"
                     count, size, writer = count + 1, 0, TarWriter(str(file), mtime=0, user="", group="")
                 item: dict[str, Any] = {"__key__": _name(row.number, window)}
-                item |= {f"{key}.npy": np.asarray(array) for key, array in (arrays | _arrays(values)).items()}
+                item |= {
+                    f"{file_name(key)}.npy": np.asarray(array) for key, array in (arrays | _arrays(values)).items()
+                }
                 item |= {f"{key}.cls": values[key] for key in ("action", "place") if key in values}
                 item["json"] = _place(row, window) | _columns(reader, values)
                 writers[row.split] = count, size + writer.write(item), writer

@@ -10,7 +10,7 @@ from collections.abc import Hashable
 from os import PathLike
 from pathlib import Path
 
-from rfgen_sionna.dataset.export_folder import Progress, new_folder, save_array, save_table
+from rfgen_sionna.dataset.export_folder import Progress, file_name, new_folder, save_array, save_table, split_folder
 from rfgen_sionna.dataset.representations import DRAI_BINS
 from rfgen_sionna.dataset.windows import WindowReader
 
@@ -62,7 +62,7 @@ def to_di_gesture(
                     "larger range cells"
                 )
             action = row.actions[0]
-            word = GESTURES.get(action) or "".join(part.capitalize() for part in action.split("_"))
+            word = GESTURES.get(action) or file_name("".join(part.capitalize() for part in action.split("_")))
             place = tuple(
                 numbers[key]
                 for numbers, key in (
@@ -70,13 +70,14 @@ def to_di_gesture(
                     (positions, (row.distance_m, row.azimuth_deg)),
                 )
             )  # fmt: skip
-            kind = (row.split, word, place)
+            part = split_folder(row.split)
+            kind = (part, word, place)
             samples[kind] = samples.get(kind, 0) + 1
             letter = "y" if action in GESTURES else "n"
             name = f"{letter}_{word}_e{place[0]}_u{place[1]}_p{place[2]}_s{samples[kind]}.npy"
-            save_array(target / row.split / name, reader.arrays(window, run)[""])
+            save_array(target / part / name, reader.arrays(window, run)[""])
             table.append({
-                "file": f"{row.split}/{name}", "recording": row.number, "action": action, "place": row.place,
+                "file": f"{part}/{name}", "recording": row.number, "action": action, "place": row.place,
                 "place_seed": row.place_seed, "body_seed": next(iter(row.bodies), None), "distance_m": row.distance_m,
                 "azimuth_deg": row.azimuth_deg,
             })  # fmt: skip

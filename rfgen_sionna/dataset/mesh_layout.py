@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.dataset.export_folder import Progress, new_folder, save_array, save_record
+from rfgen_sionna.dataset.export_folder import Progress, new_folder, save_array, save_record, split_folder
 from rfgen_sionna.dataset.reader import Run
 from rfgen_sionna.dataset.windows import MAX_POINTS, WindowReader, actor_names
 
@@ -99,7 +99,7 @@ def to_mmmesh(
         for number, window in enumerate(reader.windows, 1):
             run, row = reader.run(window.position), reader.recordings.rows[window.position]
             arrays, facts = _entry(run, window.frames, reader.label_values(window, run)["joints"][:, 0], random)
-            part = parts.setdefault(row.split, {})
+            part = parts.setdefault(split_folder(row.split), {})
             for name, values in arrays.items():
                 part.setdefault(name, []).append(values)
             record = {"recording": row.number, "first_frame": window.first, "action": row.actions[0]}

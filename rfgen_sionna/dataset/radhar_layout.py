@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.dataset.export_folder import Progress, new_folder
+from rfgen_sionna.dataset.export_folder import Progress, file_name, new_folder, split_folder
 from rfgen_sionna.dataset.reader import Run
 from rfgen_sionna.dataset.windows import WindowReader
 
@@ -78,16 +78,16 @@ def to_radhar(
         for number, window in enumerate(reader.windows, 1):
             run, row = reader.run(window.position), reader.recordings.rows[window.position]
             action = ACTIVITIES.get(row.actions[0], row.actions[0])
-            part = _PARTS.get(row.split, row.split)
+            part = _PARTS.get(row.split, split_folder(row.split))
             frames = radhar_points(run)
-            file = target / part / action / f"{row.number:06d}.txt"
+            file = target / part / file_name(action) / f"{row.number:06d}.txt"
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text("".join(_messages(frames, run.frame_times)), encoding="utf-8")
             clouds.setdefault((part, action), []).append([points[:, :3] for points in frames if len(points)])
             if progress is not None:
                 progress(number, len(reader.windows))
         for (part, action), recordings in clouds.items() if voxels is not False else ():
-            _write_voxels(target / f"{part}_Data_voxels_{action}.npz", recordings, action)
+            _write_voxels(target / f"{part}_Data_voxels_{file_name(action)}.npz", recordings, action)
     return Path(output)
 
 

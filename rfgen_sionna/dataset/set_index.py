@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,6 +23,8 @@ from rfgen_sionna.dataset.shards import file_digest, recording_name, shard_recor
 
 INDEX = "index.sqlite"
 """Name of the index in the folder of a set."""
+NAME_FORM = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
+"""Form of the names of splits and radars in recipes; a split's name becomes that of files and folders."""
 INDEX_VERSION = "1"
 """Version of the index's tables."""
 _TABLES = {
@@ -35,6 +38,7 @@ _TABLES = {
     ),
     "failures": "number INTEGER NOT NULL, seed INTEGER, kind TEXT NOT NULL, reason TEXT NOT NULL",
 }
+_SHARD_NAME = re.compile(r"shard-[A-Za-z0-9_-]+\.h5")
 _LISTS = ("actions", "bodies")
 
 
@@ -109,12 +113,16 @@ class SetIndex:
 
 
 def row_of(number: int, recording: h5py.Group, shard: str) -> IndexRow:
-    """Row of the recording in a group of the file `shard`; RunFormatError if its specification cannot be read."""
+    """Row of the recording in a group of the file `shard`.
+
+    RunFormatError if its specification cannot be read, or has a split that no recipe can have.
+    """
     path = Path(recording.file.filename)
     text = str(recording.attrs.get("recording", "{}"))
     try:
         spec = dict(json.loads(text))
         bodies = tuple(int(each["seed"]) for each in spec.get("bodies") or ())
+        split = _checked_split(str(spec.get("split", "")))
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise RunFormatError(f"'{path}': the specification of recording {number} cannot be read ({error})") from error
     names = json_names(path, recording, RADARS)
@@ -125,7 +133,7 @@ def row_of(number: int, recording: h5py.Group, shard: str) -> IndexRow:
         return kind(value) if isinstance(value, int | float) else None
 
     return IndexRow(
-        number=number, shard=shard, digest=str(recording.attrs.get("digest", "")), split=str(spec.get("split", "")),
+        number=number, shard=shard, digest=str(recording.attrs.get("digest", "")), split=split,
         prompt=str(run.attrs.get("prompt", "")), actions=_actions(run), bodies=bodies,
         place=str(spec.get("place", run.attrs.get("environment", ""))), place_seed=number_of("place_seed", int),
         people=len(bodies), distance_m=number_of("distance_m", float), azimuth_deg=number_of("azimuth_deg", float),
@@ -133,6 +141,13 @@ def row_of(number: int, recording: h5py.Group, shard: str) -> IndexRow:
         frames=int(run["frame_time"].shape[0]), seed=number_of("seed", int), attempt=number_of("attempt", int) or 0,
         spec_text=text,
     )  # fmt: skip
+
+
+def _checked_split(name: str) -> str:
+    """The name of a split, or "" for none; ValueError if no recipe can have it."""
+    if name and not NAME_FORM.fullmatch(name):
+        raise ValueError(f"its split is {name[:60]!r}: a name of 1 to 40 letters, digits, - and _ is needed")
+    return name
 
 
 def _actions(run: h5py.Group) -> tuple[str, ...]:
@@ -246,7 +261,7 @@ def _read(base: sqlite3.Connection) -> SetIndex:
     rows = tuple(map(_row, base.execute("SELECT * FROM recordings ORDER BY number")))
     failures = base.execute("SELECT number, seed, kind, reason FROM failures ORDER BY number")
     unknown = sorted({row.shard for row in rows} - set(shards))
-    if unknown or not all(isinstance(each, str) and Path(each).name == each for each in shards):
+    if unknown or not all(isinstance(each, str) and _SHARD_NAME.fullmatch(each) for each in shards):
         raise ValueError(f"shards {unknown or sorted(shards)} are no names of its shards")
     index = SetIndex(meta, shards, rows, tuple(Failure(*each) for each in failures))
     if meta.get("contents") != _contents_digest(index):
@@ -271,4 +286,5 @@ def _row(values: Iterable[Any]) -> IndexRow:
     numbers = (row.number, row.people, row.frames, row.attempt, *row.bodies)
     if not all(isinstance(each, str) for each in texts) or not all(isinstance(each, int) for each in numbers):
         raise ValueError(f"the row of recording {row.number} has other types")
+    _checked_split(row.split)
     return row

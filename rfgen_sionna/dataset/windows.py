@@ -71,8 +71,8 @@ class WindowReader:
     radar
         Name of the radar; needed if recordings have several.
     window_s, stride_s
-        Length of a window and the step between windows [s], rounded to frames; None takes whole recordings, and steps
-        of a window.
+        Length of a window and the step between windows [s], one frame or more, rounded to frames; None takes whole
+        recordings, and steps of a window.
     alike
         Whether all windows must have the same number of frames.
 
@@ -223,6 +223,9 @@ class WindowReader:
                 run = self.run(position)
                 known[key] = (len(run), run.radar.waveform.frame_period)
             frames, period = known[key]
+            for name, value in (("window_s", window_s), ("stride_s", stride_s)):
+                if value is not None and value < period * (1 - 1e-9):
+                    raise ValueError(f"{name} is {value:g}: a frame takes {period:g} s, give at least that")
             count = frames if window_s is None else max(1, round(window_s / period))
             step = count if stride_s is None else max(1, round(stride_s / period))
             lengths.add(count)

@@ -20,6 +20,7 @@ from rfgen_sionna.recipes.partitions import WHOLE_SET, assigned, derived_seed, p
 from rfgen_sionna.recipes.recipe_checks import check_recipe
 from rfgen_sionna.recipes.recipe_contents import RecipeContents
 from rfgen_sionna.recipes.recipe_error import RecipeError, faults_of
+from rfgen_sionna.recipes.recipe_files import file_digests
 from rfgen_sionna.recipes.recipe_places import Place, prompted_place, read_place
 from rfgen_sionna.recipes.recipe_sources import Source, changes_freely, check_file, read_source, source_tables
 from rfgen_sionna.recipes.recipe_tables import MAX_COUNT, RecipeTables
@@ -125,14 +126,14 @@ class Recipe(RecipeContents):
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the contents: of all keys but title and description, and of all files."""
-        contents = self.tables.model_dump(exclude={"title", "description", "licence"}, warnings=False)
-        found = hashlib.sha256(json.dumps(contents, sort_keys=True, default=_plain).encode())
-        for source in self.sources:
-            for file in _files(source.spec.file):
-                with file.open("rb") as stored:
-                    found.update(hashlib.file_digest(stored, "sha256").digest())
-        return found.hexdigest()
+        """SHA-256 of all keys but title, description and licence, and of the contents of all files they lead to.
+
+        Sources and their folders, radars, boards, receivers and scenes count, wherever their files lie
+        (:func:`~rfgen_sionna.recipes.recipe_files.file_digests`). RecipeError if one cannot be read.
+        """
+        keys = self.tables.model_dump(exclude={"title", "description", "licence"}, warnings=False)
+        contents = [keys, self.receivers, file_digests(self)]
+        return hashlib.sha256(json.dumps(contents, sort_keys=True, default=_plain).encode()).hexdigest()
 
     @cached_property
     def recordings_per_shard(self) -> int:
@@ -202,6 +203,14 @@ class Recipe(RecipeContents):
                 return None if form is None else form.values[0]
             return form.draw(first if key in _KEPT_ON_RETRY else draws, key, cells.get(key, 0))
 
+        def placed(key: str) -> float | None:
+            """What the words say goes before what is drawn; of several actors, the azimuth is that of their middle."""
+            alone = len(sources) == 1 and len(sources[0].actions) == 1
+            if all(key in each.own_place for each in sources) and (alone or key != "azimuth_deg"):
+                said = {each.own_place[key] for each in sources}
+                return said.pop() if len(said) == 1 and (alone or key == "distance_m") else None
+            return value(key, getattr(tables, key))  # type: ignore[no-any-return]
+
         def seed(key: str) -> int:
             return derived_seed(tables.seed, number, attempt, key)
 
@@ -238,9 +247,9 @@ class Recipe(RecipeContents):
             sources=tuple(each.spec for each in sources),
             radars=tuple(each.spec(value) for each in self.radars),
             duration_s=value("duration_s", tables.duration_s),
-            distance_m=value("distance_m", tables.distance_m),
-            azimuth_deg=value("azimuth_deg", tables.azimuth_deg),
-            orientation_deg=value("orientation_deg", tables.orientation_deg),
+            distance_m=placed("distance_m"),
+            azimuth_deg=placed("azimuth_deg"),
+            orientation_deg=placed("orientation_deg"),
             receiver=value("receiver", self.receivers),
             noise=tables.noise,
             rtol=tables.rtol,
@@ -350,14 +359,6 @@ def _receivers(tables: RecipeTables, located: Any) -> ValueForm[Mapping[str, Any
 def _member(pool: NDArray[np.int64], number: float) -> int:
     """A member of a pool by a number in [0, 1), each with the same chance."""
     return int(pool[int(number * len(pool))])
-
-
-def _files(name: str | None) -> list[Path]:
-    """The file of that name, or all files of the folder."""
-    if name is None:
-        return []
-    path = Path(name)
-    return sorted(each for each in path.iterdir() if each.is_file()) if path.is_dir() else [path]
 
 
 def _plain(value: Any) -> Any:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from rfgen_sionna.recipes.recipe_tables import SOURCE_OPTIONS, RecipeTables, Sou
 from rfgen_sionna.recipes.recording_spec import SourceSpec
 from rfgen_sionna.scene.mesh_actor import MeshActor
 
+_PLACE_KEYS = {"distance_m": "distance_m", "azimuth_deg": "bearing_deg", "orientation_deg": "orientation_deg"}
 MAX_FILE = 4_000_000_000
 """Largest file of a source [bytes]."""
 READINGS = 4
@@ -49,6 +50,8 @@ class Source:
 
     things: tuple[str, ...] = ()
     """Kinds of the animals and things."""
+    own_place: Mapping[str, float | None] = field(default_factory=dict)
+    """What the words say of the place of every actor, by the key of the recipe; None where the seed decides."""
     open_actions: frozenset[str] = frozenset()
     """All actions that the words leave to the seed."""
 
@@ -90,8 +93,13 @@ def read_source(table: SourceTable, located: Callable[[str], Path], motion: str,
         said = [read_clip_prompt(table.words, "", seed, path) for seed in range(READINGS)]
         _check_unused(said[0])
         place, name = said[0].surroundings, path.stem
-        return Source(spec, (name,), 1, place, _distances(said), _traits(said[0]), open_actions=frozenset((name,)))
-    return Source(spec, (path.stem,), 1 if kind == "joints" else 0, open_actions=frozenset((path.stem,)))
+        return Source(
+            spec, (name,), 1, place, _distances(said), _traits(said[0]), own_place=_own_place(said),
+            open_actions=frozenset((name,)),
+        )  # fmt: skip
+    own = dict.fromkeys(_PLACE_KEYS) if table.position_m is not None else {}
+    people = 1 if kind == "joints" else 0
+    return Source(spec, (path.stem,), people, own_place=own, open_actions=frozenset((path.stem,)))
 
 
 def _prompt(text: str, motion: str, duration: float) -> Source:
@@ -111,6 +119,7 @@ def _prompt(text: str, motion: str, duration: float) -> Source:
         frozenset().union(*map(_traits, people)),
         max(map(_speed, people), default=0.0),
         tuple(said.target for said in first.said if isinstance(said, ThingPrompt)),
+        _own_place([said for reading in readings for said in reading.said]),
         frozenset(action for said in first.said for action in (*said.choices, said.action)),
     )
 
@@ -122,6 +131,16 @@ def _check_unused(said: ScenePrompt) -> None:
 
 def _distances(readings: list[ScenePrompt]) -> tuple[float, ...]:
     return tuple(sorted({said.distance_m for said in readings if said.distance_m is not None}))
+
+
+def _own_place(readings: Sequence[ScenePrompt]) -> dict[str, float | None]:
+    """Keys of the place that all readings give, with their value; None if it is not always the same."""
+    found: dict[str, float | None] = {}
+    for key, name in _PLACE_KEYS.items():
+        values = {getattr(said, name) for said in readings}
+        if None not in values:
+            found[key] = values.pop() if len(values) == 1 else None
+    return found
 
 
 def _traits(said: ScenePrompt) -> frozenset[str]:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Len
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from rfgen_sionna.dataset.set_index import NAME_FORM
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.recipes.recording_spec import DEFAULT_KEEP, FREE_SPACE
 from rfgen_sionna.recipes.value_forms import ValueForm, form_type
@@ -23,7 +24,6 @@ MAX_RADARS = 8
 BYTES: dict[str, float] = {"B": 1, "kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
 """Units of sizes [bytes]."""
 _SIZE = re.compile(r"\s*(\d{1,9}(?:\.\d{1,9})?)\s*([A-Za-z]{1,3})\s*")
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
 
 
 def _bytes(value: Any) -> Any:
@@ -34,7 +34,7 @@ def _bytes(value: Any) -> Any:
 
 
 def _is_name(value: str) -> str:
-    if not _NAME.fullmatch(value):
+    if not NAME_FORM.fullmatch(value):
         raise ValueError("a name of 1 to 40 letters, digits, - and _ is needed")
     return value
 
@@ -213,6 +213,15 @@ class RecipeTables(RecipeTable):
     shard_size: Size = 512e6
     """Bound of the size of a shard, of what is kept before compression."""
     splits: SplitsTable | None = None
+
+    @model_validator(mode="after")
+    def _of_one_list(self) -> RecipeTables:
+        if self.prompts is not None and self.sources is not None:
+            raise ValueError(
+                "prompts and sources are both given, and one of them is needed: give each prompt a table of its own, "
+                '[[sources]] with prompt = "…"'
+            )
+        return self
 
 
 DEFAULT_PLACE = FREE_SPACE

@@ -94,16 +94,31 @@ def _faults(error: ValidationError, tables: Any) -> Iterator[str]:
         if kind == "extra_forbidden":
             name = str(place[-1])
             above = key_path(place[:-1], tables)
+            if name in FORMS and len(place) > 1 and place[-2] in TAGS:
+                yield _mixed(above, str(place[-2]), name)
+                continue
             yield f"{above}{'.' if above else ''}{name}: there is no such key{_near(name, _known_keys(place[:-1]))}"
         elif "scalar" in place and isinstance(fault["input"], Mapping) and fault["input"]:
-            yield f"{path}.{next(iter(fault['input']))}: there is no such key{_near(next(iter(fault['input'])), FORMS)}"
+            name = str(next(iter(fault["input"])))
+            if name in FORMS:
+                yield _mixed(path, "", name)
+            else:
+                yield f"{path}.{name}: there is no such key{_near(name, FORMS)}"
         elif kind == "missing":
-            yield f"{path} is missing"
+            above = key_path(place[:-1], tables)
+            yield f"{above}{'.' if above else ''}{place[-1]} is missing"
         elif kind == "value_error":
             yield f"{path or 'recipe'}: {fault['msg'].removeprefix('Value error, ')}"
         else:
             text = fault["msg"].removeprefix("Input should be ").removeprefix("Value should be ")
             yield f"{path} is {given}: {text} is needed" if text != fault["msg"] else f"{path} is {given}: {text}"
+
+
+def _mixed(path: str, form: str, name: str) -> str:
+    """Fault of a table of a form that has the key of another one."""
+    if name == "weights":
+        return f"{path}.weights: weights belong to a choice, {{choice = [...], weights = [...]}}"
+    return f"{path}: {form} and {name} are both given; leave one out"
 
 
 def _known_keys(place: Sequence[str | int]) -> list[str]:

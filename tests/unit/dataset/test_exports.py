@@ -2,13 +2,20 @@
 
 import csv
 import json
+import re
 import tarfile
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rfgen_sionna.dataset import OutputError, open_dataset
+from rfgen_sionna.dataset.export_folder import file_name
 from rfgen_sionna.dataset.exports import EXPORTS, export_dataset, to_npy, to_webdataset
+from rfgen_sionna.dataset.schema import RunFormatError
+from rfgen_sionna.dataset.set_index import write_index
 from tests.unit.dataset.small_sets import ACTIONS, JOINTS, make_set
 
 
@@ -95,6 +102,56 @@ def test_arrays_that_would_be_pickled_are_refused(folder, tmp_path):
 def test_an_unknown_format_is_named(folder, tmp_path):
     with pytest.raises(ValueError, match=r"'zarr'.*'webdataset'"):
         export_dataset(folder, tmp_path / "out", "zarr")
+
+
+def hostile_set(folder, monkeypatch, action="push", split="train"):
+    """A set with right checksums, whose split is checked nowhere when it is written."""
+    monkeypatch.setattr("rfgen_sionna.dataset.set_index.NAME_FORM", re.compile(".*", re.DOTALL))
+    return make_set(folder, count=2, per_shard=2, actions=(action,), splits=(split,))
+
+
+HOSTILE = ["../../escaped", "/tmp/escaped", "..", ".", "a/b", "a\\b", "train\n", "x" * 41, "-x", "~", "ü"]
+
+
+@pytest.mark.parametrize("split", HOSTILE)
+def test_a_split_that_no_recipe_can_have_is_refused(tmp_path, monkeypatch, split):
+    with monkeypatch.context() as patched:
+        folder = hostile_set(tmp_path / "set", patched, split=split)
+    with pytest.raises(RunFormatError, match="its split is"):
+        open_dataset(folder)
+    with pytest.raises(RunFormatError, match="its split is"):
+        write_index(folder)
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTS))
+@pytest.mark.parametrize("name", ["../../../escaped", "/tmp/rfgen_escaped/x"])
+def test_no_export_leaves_its_folder(tmp_path, monkeypatch, format, name):
+    """Neither by an action, nor by a split if nothing else were to stop it."""
+    inside = tmp_path / "1" / "2" / "3"
+    inside.mkdir(parents=True)
+    folder = hostile_set(inside / "set", monkeypatch, action=name, split=name)
+    before = set(tmp_path.rglob("*"))
+    options = {"voxels": False} if format == "radhar" else {}
+    export_dataset(folder, inside / "out", format, **options)
+    made = set(tmp_path.rglob("*")) - before
+    assert made
+    assert all((inside / "out") in (path, *path.parents) or path.parent == folder for path in made)
+    assert not Path("/tmp/rfgen_escaped").exists()
+
+
+@settings(deadline=None)
+@given(st.text(max_size=300), st.text(max_size=300))
+def test_each_text_is_a_file_name_of_its_own(one, other):
+    names = file_name(one), file_name(other)
+    assert (names[0] == names[1]) == (one == other)
+    for name in names:
+        assert re.fullmatch(r"[A-Za-z0-9_%-][A-Za-z0-9_.%-]{0,119}", name)
+
+
+def test_usual_names_stay():
+    for name in ("jumping_jacks", "train", "range_doppler", "clip-03.final"):
+        assert file_name(name) == name
+    assert file_name("dog: run") == "dog%3A%20run"
 
 
 def test_progress_counts_to_the_end(folder, tmp_path):

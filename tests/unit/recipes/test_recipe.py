@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import shutil
 from collections import Counter
 from itertools import combinations
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.recipes import Recipe, RecipeError, RecordingSpec
+from rfgen_sionna.resources import resolve
 
 from .recipe_texts import FULL, SHORT
 
@@ -175,6 +177,83 @@ def test_the_digest_is_of_the_contents(tmp_path: Path) -> None:
     before = Recipe.parse(text, tmp_path, check=False).digest
     np.save(joints, np.ones((3, 22, 3)))
     assert Recipe.parse(text, tmp_path, check=False).digest != before
+
+
+def of_files(folder: Path, text: str) -> str:
+    return Recipe.parse("count = 2\n" + text, folder, check=False).digest
+
+
+def test_every_file_that_a_recipe_leads_to_is_in_its_digest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rfgen_sionna.recipes.recipe.recording_bytes", lambda recipe: 1e6)  # which reads the radars
+    (tmp_path / "meshes" / "more").mkdir(parents=True)
+    (tmp_path / "scene" / "parts").mkdir(parents=True)
+    shutil.copy(resolve("radars", "awr1843"), tmp_path / "own.toml")
+    radar = (tmp_path / "own.toml").read_text()
+    (tmp_path / "own.toml").write_text(radar + '# "pattern.csv"\n')
+    (tmp_path / "board.toml").write_text("x = 1")
+    (tmp_path / "chirps.mmwave.json").write_text('{"mmWaveDevices": []}')
+    (tmp_path / "chirps.setup.json").write_text('{"configUsed": "C:\\\\lab\\\\chirps.mmwave.json"}')
+    (tmp_path / "scene" / "room.xml").write_text('<string name="filename" value="parts/wall.ply"/>')
+    (tmp_path / "receiver.toml").write_text('adc = {bits = 12}\ninterferers = [{radar = "INTERFERER"}]')
+    interferer = tmp_path / "other.toml"
+    receiver = (tmp_path / "receiver.toml").read_text().replace("INTERFERER", str(interferer))
+    (tmp_path / "receiver.toml").write_text(receiver)
+    for name in ("pattern.csv", "scene/room.toml", "scene/parts/wall.ply", "meshes/0.ply", "meshes/more/1.ply"):
+        (tmp_path / name).write_text("")
+    interferer.write_text("")
+    (tmp_path / "unused.csv").write_text("")
+    text = """
+        places = "scene/room.xml"
+        receiver = "receiver.toml"
+        [[radars]]
+        radar = "own.toml"
+        [[radars]]
+        radar = "chirps.mmwave.json"
+        board = "board.toml"
+        [[sources]]
+        clip = "meshes"
+        frame_rate = 10.0
+        """
+    before = of_files(tmp_path, text)
+    for path in [each for each in sorted(tmp_path.rglob("*")) if each.is_file()]:
+        whole = path.read_text()
+        path.write_text(whole + "\n " if path.name != "receiver.toml" else whole.replace("12", "10"))
+        assert (of_files(tmp_path, text) == before) == (path.name == "unused.csv"), path
+        path.write_text(whole)
+    assert of_files(tmp_path, text) == before
+
+
+def test_the_digest_is_the_same_in_another_folder(tmp_path: Path) -> None:
+    found = set()
+    for name in ("one", "two"):
+        (tmp_path / name / "meshes").mkdir(parents=True)
+        (tmp_path / name / "meshes" / "0.ply").write_text("")
+        found.add(of_files(tmp_path / name, '[[sources]]\nclip = "meshes"\nframe_rate = 10.0'))
+    assert len(found) == 1
+
+
+def test_a_file_that_is_gone_has_no_digest(tmp_path: Path) -> None:
+    with pytest.raises(RecipeError, match=r"sources\[0\]: .*none.npy"):
+        of_files(tmp_path, '[[sources]]\njoints = "none.npy"\nlayout = "smpl22"')
+
+
+def test_what_the_prompt_says_of_the_place_is_not_drawn(tmp_path: Path) -> None:
+    recipe = Recipe.parse(
+        """
+        count = 30
+        prompts = ["a person waves", "a man, at 2.5 m, claps", "a person 3 m away waves"]
+        distance_m = {range = [1.0, 2.0]}
+        azimuth_deg = {range = [-5.0, 5.0]}
+        """
+    )
+    for spec in recipe:
+        own = {"a man, at 2.5 m, claps": 2.5, "a person 3 m away waves": 3.0}.get(spec.prompt)
+        assert spec.distance_m == own if own else 1.0 <= spec.distance_m <= 2.0  # type: ignore[operator]
+        assert spec.azimuth_deg is not None
+    (tmp_path / "ball.ply").write_text("")
+    placed = 'distance_m = 2.0\n[[sources]]\nmesh = "ball.ply"\nmaterial = "metal"\nposition_m = [4, 0, 1]'
+    spec = Recipe.parse("count = 2\n" + placed, tmp_path, check=False).recording(0)
+    assert (spec.distance_m, spec.azimuth_deg, spec.orientation_deg) == (None, None, None)
 
 
 @pytest.mark.parametrize("name", ["thousand", "tiny"])
