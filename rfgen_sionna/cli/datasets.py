@@ -247,7 +247,9 @@ def export(
 
 
 def _report(report: BuildReport) -> None:
-    """Print what was made, and each failure."""
+    """Print what was made, and each failure; exit with 1 if a later call may make more, or nothing was made."""
+    from rfgen_sionna.recipes.outcome import FINAL
+
     for failure in report.failures:
         what = f"recording {failure.number} (seed {failure.seed}): {failure.reason}"
         err.print(f"[red]not made:[/red] {escape(what)}", soft_wrap=True)
@@ -256,3 +258,5 @@ def _report(report: BuildReport) -> None:
     made = f"{report.count} recordings, {report.made} of them made now"
     out.print(f"{made}{f', {len(report.failures)} not made' if report.failures else ''}", soft_wrap=True)
     report_written(report.folder)
+    if not report.count or any(failure.kind not in FINAL for failure in report.failures):
+        raise typer.Exit(1)

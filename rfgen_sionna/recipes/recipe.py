@@ -209,7 +209,8 @@ class Recipe(RecipeContents):
             if all(key in each.own_place for each in sources) and (alone or key != "azimuth_deg"):
                 said = {each.own_place[key] for each in sources}
                 return said.pop() if len(said) == 1 and (alone or key == "distance_m") else None
-            return value(key, getattr(tables, key))  # type: ignore[no-any-return]
+            drawn: float | None = value(key, getattr(tables, key))
+            return drawn
 
         def seed(key: str) -> int:
             return derived_seed(tables.seed, number, attempt, key)

@@ -38,6 +38,7 @@ def check_recipe(recipe: RecipeContents) -> None:
     _check_people(recipe)
     _check_bodies(recipe)
     _check_distances(recipe, radars)
+    _check_placed_meshes(recipe, radars)
     _check_places(recipe, radars)
     for (key, _), source in zip(source_tables(recipe.tables), recipe.sources, strict=True):
         with faults_of(key):
@@ -166,6 +167,29 @@ def _check_distances(recipe: RecipeContents, radars: list[list[Radar]]) -> None:
                     f"'{each[0].preset}') ends at {each[0].max_range:.2f} m: choose a smaller one, or a preset with a "
                     "lower slope or a higher sample rate"
                 )
+
+
+def _check_placed_meshes(recipe: RecipeContents, radars: list[list[Radar]]) -> None:
+    """Meshes at places of their own: ahead of a radar, within the range windows, and not at a radar."""
+    duration = max(recipe.tables.duration_s.values)
+    for (key, _), source in zip(source_tables(recipe.tables), recipe.sources, strict=True):
+        if (given := source.spec.options.get("position_m")) is None:
+            continue
+        start = np.array(given, np.float64)
+        end = start + duration * np.array(source.spec.options.get("velocity_m_s", (0.0, 0.0, 0.0)))
+        for each in radars:
+            away = [float(np.linalg.norm(start - np.asarray(radar.position))) for radar in each]
+            where = f"{key}.position_m is {list(given)}, {min(away):.3g} m from radar '{each[0].name}'"
+            if max(away) < NEAREST:
+                raise RecipeError(f"{where}: at least {NEAREST:g} m are needed")
+            if recipe.tables.outside == "error" and min(away) > each[0].max_range:
+                raise RecipeError(
+                    f"{where}, whose range window (preset '{each[0].preset}') ends at {each[0].max_range:.2f} m: move "
+                    'it nearer, or outside = "ignore" leaves it out'
+                )
+        way = np.stack([start, end])
+        if all(np.max((way - radar.position) @ radar.rotation[:, 0]) <= 0.0 for each in radars for radar in each):
+            raise RecipeError(f"{key}.position_m is {list(given)}, behind the radar: a place ahead of it is needed")
 
 
 def _check_places(recipe: RecipeContents, radars: list[list[Radar]]) -> None:

@@ -18,6 +18,7 @@ from rfgen_sionna.generative.several_actors import read_prompts
 from rfgen_sionna.recipes.recipe_tables import SOURCE_OPTIONS, RecipeTables, SourceTable
 from rfgen_sionna.recipes.recording_spec import SourceSpec
 from rfgen_sionna.scene.mesh_actor import MeshActor
+from rfgen_sionna.scene.scene_errors import MaterialError
 
 _PLACE_KEYS = {"distance_m": "distance_m", "azimuth_deg": "bearing_deg", "orientation_deg": "orientation_deg"}
 MAX_FILE = 4_000_000_000
@@ -177,11 +178,23 @@ def check_source_file(source: Source) -> None:
         layout: dict[str, Any] = {"layout": None, "up": None, "scale": 1.0, "frame_rate": None} | options
         record_joints(path, **layout)
     elif spec.kind == "mesh":
-        MeshActor.from_mesh(path, material=options.get("material", ""))
+        try:
+            MeshActor.from_mesh(path, material=options.get("material", ""))
+        except MaterialError as error:
+            raise ValueError(_material_fault(path, options.get("material"), str(error))) from error
     elif path.suffix.lower() in MOTION_SUFFIXES:
         load_any_motion(path, up=options.get("up"), frame_rate=options.get("frame_rate"), index=0, action=path.stem)
     else:
         Actor.from_motion(path, up=options.get("up"), frame_rate=options.get("frame_rate"))
+
+
+def _material_fault(path: Path, given: str | None, said: str) -> str:
+    if given is not None:
+        return said
+    return (
+        f"material is missing: the parts of '{path.name}' name no known one; give one for all of it, "
+        'such as material = "metal", "wood" or "glass"'
+    )
 
 
 def check_file(path: Path, folders: bool = False) -> None:

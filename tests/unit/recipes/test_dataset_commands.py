@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from rfgen_sionna import cli
+from rfgen_sionna.dataset.set_index import Failure
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.recipes.building import run_build
 from rfgen_sionna.recipes.building_folder import BuildingFolder
@@ -52,6 +54,20 @@ def test_verify_names_each_damage_and_repair_mends_it(made: Any) -> None:
     assert "not made: recording 1 (seed" in said
     assert rfgen("verify", folder)[0] == 0
     assert "nothing" in rfgen("repair", folder)[1]
+
+
+@pytest.mark.parametrize(
+    ("count", "kind", "code"), [(1, "impossible", 0), (1, "error", 1), (1, "crashed", 1), (0, "impossible", 1)]
+)
+def test_the_exit_status_says_whether_a_set_is_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int, kind: str, code: int
+) -> None:
+    recipe = write_small_recipe(tmp_path / "recipe", 2)
+    report = SimpleNamespace(
+        folder=tmp_path, count=count, made=count, failures=(Failure(1, 7, kind, "no"),), warnings={}
+    )
+    monkeypatch.setattr("rfgen_sionna.recipes.building.build_dataset", lambda *_, **__: report)
+    assert rfgen("build", recipe, tmp_path / "set")[0] == code
 
 
 def test_a_whole_set_needs_no_resuming(made: Any) -> None:

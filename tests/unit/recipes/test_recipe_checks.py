@@ -116,6 +116,33 @@ def test_files_are_read_before_anything_runs(tmp_path: Path) -> None:
         Recipe.parse('count = 3\n[[sources]]\njoints = "broken.npy"\nlayout = "smpl22"', tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ("position_m = [50, 0.5, 1]", r"sources\[0\].position_m is \[50.0, 0.5, 1.0\], 50 m from radar 'awr1843'"),
+        ("position_m = [-3, 0.5, 1]", "behind the radar"),
+        ("position_m = [0, 0, 1]", "0 m from radar 'awr1843': at least 0.5 m"),
+        ("position_m = [-3, 0.5, 1]\nvelocity_m_s = [2, 0, 0]", ""),
+        ("position_m = [3, 0.5, 1]", ""),
+    ],
+)
+def test_meshes_are_within_the_sight_of_the_radar(tmp_path: Path, more: str, message: str) -> None:
+    trimesh.creation.icosphere(1, 0.1).export(tmp_path / "ball.ply")
+    text = f'count = 3\npreset = "mmmesh"\n[[sources]]\nmesh = "ball.ply"\nmaterial = "metal"\n{more}'
+    if not message:
+        Recipe.parse(text, tmp_path)
+        return
+    with pytest.raises(RecipeError, match=message):
+        Recipe.parse(text, tmp_path)
+
+
+def test_a_mesh_without_a_material_is_told_the_key(tmp_path: Path) -> None:
+    trimesh.creation.icosphere(1, 0.1).export(tmp_path / "ball.ply")
+    with pytest.raises(RecipeError, match=r"sources\[0\]: material is missing") as caught:
+        Recipe.parse('count = 3\n[[sources]]\nmesh = "ball.ply"', tmp_path)
+    assert len(str(caught.value)) < 250
+
+
 def test_a_receiver_may_be_a_file(tmp_path: Path) -> None:
     (tmp_path / "board.toml").write_text("adc = {bits = 12, full_scale_dbm = -20.0}\n")
     recipe = Recipe.parse(WAVES + 'receiver = "board.toml"', tmp_path)
