@@ -24,6 +24,7 @@ from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.scene.scene import RadarScene
 from rfgen_sionna.scene.scene_errors import PlacementError
 from rfgen_sionna.scene_request import SceneRequest, spot_of
+from rfgen_sionna.signal.noise import noise_seed
 from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource, chosen_receiver
 from rfgen_sionna.simulation import Simulator
 
@@ -155,11 +156,6 @@ def compose(
         if index:  # before the frames of the first radar
             plans[key].frames(0, None)
     return plans
-
-
-def noise_seed(seed: int, index: int) -> int:
-    """Seed of the receiver of radar number `index`: the run's own for the first one."""
-    return seed if index == 0 else int(np.random.SeedSequence([seed, 79, index]).generate_state(1)[0])
 
 
 def _settings(request: SceneRequest, radars: Mapping[str, Radar], view: ImageView) -> dict[str, RunEnvironment]:

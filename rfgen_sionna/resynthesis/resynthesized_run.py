@@ -12,7 +12,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.resynthesis.copied_contents import CopiedContents
 from rfgen_sionna.resynthesis.path_samples import Resynthesis
 from rfgen_sionna.signal import receiver_record
-from rfgen_sionna.signal.noise import check_whole
+from rfgen_sionna.signal.noise import check_whole, noise_seed
 from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource, read_receiver
 
 RadarChoice = Radar | str | None
@@ -53,7 +53,7 @@ def resynthesize(
     receiver
         Impairments of the receiver, as of :meth:`rfgen_sionna.simulation.Simulator.adc`; None is the recorded one.
     seed
-        Seed of all draws of the receiver; None is the recorded one.
+        Seed of all draws of the receiver, from which each radar of several has its own; None is the recorded one.
     keep
         What is stored, as of :func:`rfgen_sionna.record`; meshes, joints, labels and images can be what the run has.
         None is what the run keeps, but paths.
@@ -83,9 +83,11 @@ def resynthesize(
     if several and isinstance(radar, Radar):
         raise ValueError(f"radar is one Radar, and the run has {len(run.radars)}: give them by name in a dictionary")
     parts = {}
-    for name, each in run.radars.items():
+    seed = None if seed is None else check_whole("seed", seed)
+    for index, (name, each) in enumerate(run.radars.items()):
         choice = radar.get(name) if isinstance(radar, Mapping) else radar
-        parts[name if several else ""] = _Part(each, choice, receiver, seed, keep)
+        own_seed = None if seed is None else noise_seed(seed, index)
+        parts[name if several else ""] = _Part(each, choice, receiver, own_seed, keep)
     infos = {name: part.info(recording) for name, part in parts.items()}
     stored: dict[str, Any] = {"words": words, "compressed": compressed, "dated": dated, "overwrite": overwrite}
     total, count = sum(len(part.made.frames) for part in parts.values()), 0

@@ -35,6 +35,14 @@ def frame_stream(seed: int, name: str, frame: int, radar: Radar) -> np.random.Ge
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(*_key(name, radar), frame)))
 
 
+def noise_seed(seed: int, index: int) -> int:
+    """Seed of the receiver of radar number `index` of a recording: the recording's own for the first one.
+
+    Two radars of one name at one place would have the same noise otherwise.
+    """
+    return seed if index == 0 else int(np.random.SeedSequence([seed, 79, index]).generate_state(1)[0])
+
+
 def check_whole(name: str, value: Any) -> int:
     """`value`, checked to be a whole number of at least 0."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:

@@ -17,6 +17,7 @@ from rfgen_sionna.radar import Trajectory
 from rfgen_sionna.records import Pir
 from rfgen_sionna.resynthesis import Resynthesis, resynthesize
 from rfgen_sionna.signal import Receiver
+from rfgen_sionna.signal.noise import noise_seed
 from tests.sionna.rectangles import scene_of, wall
 
 BALL = trimesh.creation.icosphere(subdivisions=2, radius=0.2)
@@ -201,13 +202,26 @@ def test_several_radars_of_one_file(radar: Any, free: Any, tmp_path: Path) -> No
     with rfgen.record(tmp_path / "run.h5", sims, 0.1, keep=KEEP) as run:
         with resynthesize(run, tmp_path / "new.h5", seed=6) as again:
             assert list(again.radars) == ["front", "side"]
-            for name, sim in sims.items():
-                np.testing.assert_array_equal(again[name].adc[:], sim.adc(0.1, seed=6).data)
+            for index, (name, sim) in enumerate(sims.items()):
+                np.testing.assert_array_equal(again[name].adc[:], sim.adc(0.1, seed=noise_seed(6, index)).data)
         quicker = {"side": other(side, num_samples=32)}
         with resynthesize(run, tmp_path / "part.h5", radar=quicker) as part:
             assert (part["front"].adc.shape[-1], part["side"].adc.shape[-1]) == (64, 32)
         with pytest.raises(ValueError, match="radar names 'back'; the run has 'front', 'side'"):
             resynthesize(run, tmp_path / "no.h5", radar={"back": "tiny"})
+
+
+def test_radars_of_one_name_at_one_place_have_noise_of_their_own(free: Any, tmp_path: Path) -> None:
+    with rfgen.record(tmp_path / "run.h5", {"one": free, "other": free}, 0.1, keep=KEEP) as run:
+        quiet = {"adc": "none", "thermal_noise": False}
+        with (
+            resynthesize(run, tmp_path / "new.h5", seed=6) as again,
+            resynthesize(run, tmp_path / "quiet.h5", receiver=quiet) as echoes,
+        ):
+            assert again["one"].seeds["noise"] == 6 != again["other"].seeds["noise"]
+            one, other = (again[name].cube().data - echoes[name].cube().data for name in ("one", "other"))
+            coherence = abs(np.vdot(one, other)) / np.linalg.norm(one) / np.linalg.norm(other)
+            assert coherence < 0.1
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from rfgen_sionna.composition import noise_seed
 from rfgen_sionna.dataset import open_run
 from rfgen_sionna.dataset.disk_space import DiskSpaceError
 from rfgen_sionna.dataset.schema import RunFormatError
@@ -23,6 +22,7 @@ from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.recording_job import RecordingJob
 from rfgen_sionna.recipes.recording_spec import BodySpec, RadarSpec, RecordingSpec, SourceSpec
 from rfgen_sionna.scene.scene_errors import PlacementError
+from rfgen_sionna.signal.noise import noise_seed
 from tests.unit.recipes.small_recipes import write_small_recipe
 
 
