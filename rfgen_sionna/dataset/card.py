@@ -14,6 +14,7 @@ from rfgen_sionna.dataset.recording_set import RecordingSet
 from rfgen_sionna.dataset.representations import KEPT
 from rfgen_sionna.dataset.set_index import read_index
 from rfgen_sionna.dataset.verified_files import VerifiedFiles
+from rfgen_sionna.dataset.whole_files import write_whole
 
 if TYPE_CHECKING:
     from rfgen_sionna.dataset.reader import Run
@@ -45,7 +46,7 @@ def write_card(folder: str | PathLike[str]) -> Path:
     recipe = (path / "recipe.toml").read_text(encoding="utf-8")
     with RecordingSet(path, index, OpenShards(VerifiedFiles(path, index.shards))) as recordings:
         text = card_text(recordings, recipe)
-    (path / CARD).write_text(text, encoding="utf-8")
+    write_whole(path / CARD, text)
     return path / CARD
 
 

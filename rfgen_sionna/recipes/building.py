@@ -10,7 +10,7 @@ import shutil
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -22,16 +22,17 @@ from rfgen_sionna.dataset.recording_digest import recording_digest
 from rfgen_sionna.dataset.run_file import open_hdf5
 from rfgen_sionna.dataset.schema import RunFormatError
 from rfgen_sionna.dataset.set_index import INDEX, Failure, read_index, write_index
-from rfgen_sionna.dataset.shards import extract_recording, shard_recordings
 from rfgen_sionna.dataset.store import OutputError
 from rfgen_sionna.dataset.verified_files import SUMS
+from rfgen_sionna.dataset.whole_files import write_whole
 from rfgen_sionna.recipes.build_progress import BuildProgress, progress_steps
 from rfgen_sionna.recipes.building_folder import BUILDING, SHARDS, BuildingFolder, is_final
 from rfgen_sionna.recipes.outcome import BuildJob, Job, Outcome, is_disk_full
+from rfgen_sionna.recipes.present_recordings import present_recordings
 from rfgen_sionna.recipes.process_engine import LocalProcesses
 from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.recording_job import RecordingJob
-from rfgen_sionna.recipes.set_facts import RECIPE, SetFacts, note_origin
+from rfgen_sionna.recipes.set_facts import ORIGIN, RECIPE, SetFacts, note_origin
 
 EngineName = Literal["processes", "ray"]
 Order = Literal["forward", "reversed"] | Sequence[int]
@@ -114,7 +115,8 @@ def build_dataset(
     Raises
     ------
     OutputError
-        If `output` is not empty, or holds a set of another recipe.
+        If `output` is not empty, holds a set of another recipe, or one that was begun with other files of the recipe,
+        software or device.
     BusyError
         If another build works in `output`.
     BuildError
@@ -125,14 +127,15 @@ def build_dataset(
     source, recipe = recipe, recipe if isinstance(recipe, Recipe) else Recipe.load(recipe)
     folder = Path(output).absolute()
     _check_output(folder, recipe, resume)
-    numbers = _ordered(order, recipe.count)
-    folder.mkdir(parents=True, exist_ok=True)
-    if not isinstance(source, Recipe):
-        note_origin(folder, source)
-    state = BuildingFolder(folder, SetFacts.of(recipe))
+    numbers, device = _ordered(order, recipe.count), "cpu" if gpus_per_worker == 0 else "cuda"
+    state = BuildingFolder(folder, SetFacts.of(recipe, device))
     made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path)
     with state.locked(), progress_steps(progress, recipe.count) as step:
-        job = RecordingJob(recipe, state.path, "cpu" if gpus_per_worker == 0 else "cuda")
+        _check_output(folder, recipe, resume)  # again: another build may have been quicker
+        _check_unchanged(state)
+        if not isinstance(source, Recipe):
+            note_origin(folder, source)
+        job = RecordingJob(recipe, state.path, device)
         return run_build(state, made_by, job, numbers, step)
 
 
@@ -143,6 +146,9 @@ def run_build(
     numbers: Iterable[int],
     step: BuildProgress,
     digests: Mapping[int, str] | None = None,
+    *,
+    verified: Mapping[str, str] | None = None,
+    retry: bool = True,
 ) -> BuildReport:
     """Make what a locked folder lacks, and end the set.
 
@@ -158,6 +164,10 @@ def run_build(
         Called after each recording.
     digests
         Digests of recordings that are made again; one that differs raises a RunFormatError.
+    verified
+        Digests of shards that were compared with them just now.
+    retry
+        Whether recordings are tried again that failed, but not for good.
 
     Raises
     ------
@@ -172,8 +182,10 @@ def run_build(
         step(state.facts.count, len(failed))
         return BuildReport(state.output, state.facts.count - len(failed), 0, failed)
     try:
-        (state.output / RECIPE).write_text(state.facts.text, encoding="utf-8")
-        done, failures = _present(state)
+        write_whole(state.output / RECIPE, state.facts.text)
+        state.note_facts()
+        failures = _kept_failures(state, retry)
+        done = present_recordings(state, failures, verified or {})
         missing = [number for number in numbers if number not in done and number not in failures]
         step(len(done) + len(failures), len(failures))
         for index in range(state.shard_count):
@@ -223,7 +235,7 @@ def _check_digest(state: BuildingFolder, number: int, digests: Mapping[int, str]
 def finish(state: BuildingFolder, failures: dict[int, Failure]) -> int:
     """Write index, card and checksums of the shards in a folder; the number of its recordings."""
     folder = state.output
-    index = write_index(folder, state.facts.meta, tuple(failures.values()))
+    index = write_index(folder, state.facts.meta, tuple(failures.values()), state.shard_digests)
     known = dict(index.shards)
     write_sums(folder, known)
     write_card(folder)
@@ -250,53 +262,19 @@ def _failure(job: BuildJob, outcome: Outcome) -> Failure:
     return Failure(outcome.number, seed, outcome.kind, outcome.reason)
 
 
-def _present(state: BuildingFolder) -> tuple[set[int], dict[int, Failure]]:
-    """Recordings that are there and failures that stay; shards that lack a recording go back into parts."""
-    failures = dict(state.failures)
+def _kept_failures(state: BuildingFolder, retry: bool) -> dict[int, Failure]:
+    """Failures that stay: those for good, or all without a further try."""
+    failures = state.failures
     if not failures:
-        try:
+        with suppress(OSError, ValueError):
             failures = {each.number: each for each in read_index(state.output).failures}
-        except (OSError, ValueError):
-            failures = {}
     for number, failure in list(failures.items()):
-        if not is_final(failure):
+        if retry and not is_final(failure):
             state.forget_failure(number)
             del failures[number]
         else:
             state.add_failure(failure)
-    done: set[int] = set()
-    for index in range(state.shard_count):
-        shard, wanted = state.shard(index), set(state.numbers(index)) - set(failures)
-        if not shard.is_file():
-            continue
-        there = recordings_in(shard)
-        if wanted <= there:
-            for number in there:
-                state.part(number).unlink(missing_ok=True)
-        else:
-            for number in there:
-                if not state.part(number).is_file():
-                    extract_recording(shard, number, state.part(number))
-            shard.unlink()
-        done |= there & wanted
-    return done | set(state.parts), failures
-
-
-def recordings_in(shard: Path) -> set[int]:
-    """Numbers of the recordings in a shard.
-
-    Raises
-    ------
-    RunFormatError
-        If it cannot be read.
-    """
-    try:
-        with open_hdf5(shard) as file:
-            return {number for number, _ in shard_recordings(file)}
-    except (KeyError, ValueError, RuntimeError, OSError) as error:
-        raise RunFormatError(
-            f"'{shard}' is damaged ({error}): `rfgen dataset repair {shard.parent}` makes its recordings again"
-        ) from error
+    return failures
 
 
 def _full(state: BuildingFolder, reason: str) -> BuildError:
@@ -310,7 +288,8 @@ def _full(state: BuildingFolder, reason: str) -> BuildError:
 def _check_output(folder: Path, recipe: Recipe, resume: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"output '{folder}' is a file: a folder is needed")
-    if not folder.is_dir() or not any(folder.iterdir()):
+    there = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+    if there <= {BUILDING, ORIGIN} and not any((folder / BUILDING).glob("[0-9]*.h5")):  # nothing was begun
         return
     stored = folder / RECIPE
     known = (folder / BUILDING).is_dir() or (folder / SUMS).is_file() or any(folder.glob(SHARDS))
@@ -324,6 +303,17 @@ def _check_output(folder: Path, recipe: Recipe, resume: bool) -> None:
         raise OutputError(
             f"output '{folder}' holds a set of another recipe ('{stored}'): choose another folder, or that recipe"
         )
+
+
+def _check_unchanged(state: BuildingFolder) -> None:
+    """OutputError if a build is continued with other files, software or another device than it was begun with."""
+    begun = state.begun_with
+    if not begun:
+        with suppress(OSError, ValueError):
+            begun = dict(read_index(state.output).meta)
+    if state.facts.changes(begun) and _is_ended(state):  # nothing will be made
+        begun = {key: value for key, value in begun.items() if key == "recipe_digest"}
+    state.facts.check_unchanged(state.output, begun)
 
 
 def _is_ended(state: BuildingFolder) -> bool:

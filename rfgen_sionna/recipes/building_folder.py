@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rfgen_sionna.dataset.set_index import Failure
-from rfgen_sionna.dataset.shards import assemble_shard
+from rfgen_sionna.dataset.shards import assemble_shard, file_digest
 from rfgen_sionna.recipes.outcome import FINAL
 from rfgen_sionna.recipes.recording_job import WORKER_FOLDER, part_name
 from rfgen_sionna.recipes.set_facts import SetFacts
@@ -21,6 +21,11 @@ BUILDING = ".building"
 """Name of the folder of a build."""
 SHARDS = "shard-*.h5"
 """Pattern of the names of shards."""
+_TABLES = (
+    "failures (number INTEGER PRIMARY KEY, seed INTEGER, kind TEXT, reason TEXT)",
+    "facts (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
+    "shards (name TEXT PRIMARY KEY, digest TEXT NOT NULL)",
+)
 _LEFTOVERS = (f"{WORKER_FOLDER}*", "*.tmp", "probe-*")
 
 
@@ -54,8 +59,8 @@ class BuildingFolder:
         try:
             _lock(handle, self.output)
             self._remove_leftovers()
-            self._with_state("CREATE TABLE IF NOT EXISTS failures (number INTEGER PRIMARY KEY, seed INTEGER, "
-                             "kind TEXT, reason TEXT)")  # fmt: skip
+            for table in _TABLES:
+                self._with_state(f"CREATE TABLE IF NOT EXISTS {table}")
             yield
         finally:
             os.close(handle)
@@ -86,6 +91,29 @@ class BuildingFolder:
     def forget_failure(self, number: int) -> None:
         """Note that a recording is to be made again."""
         self._with_state("DELETE FROM failures WHERE number = ?", (number,))
+
+    @property
+    def begun_with(self) -> dict[str, str]:
+        """Facts that the build was begun with; empty for a new one."""
+        return dict(self._with_state("SELECT name, value FROM facts"))
+
+    def note_facts(self) -> None:
+        """Note what a new build is begun with."""
+        for name, value in self.facts.meta.items():
+            self._with_state("INSERT OR IGNORE INTO facts VALUES (?, ?)", (name, value))
+
+    @property
+    def shard_digests(self) -> dict[str, str]:
+        """SHA-256 of the shards that this build has written or compared, by their names."""
+        return dict(self._with_state("SELECT name, digest FROM shards"))
+
+    def note_shard(self, name: str, digest: str) -> None:
+        """Note the digest of a shard that is whole."""
+        self._with_state("INSERT OR REPLACE INTO shards VALUES (?, ?)", (name, digest))
+
+    def forget_shard(self, name: str) -> None:
+        """Note that a shard is there no more."""
+        self._with_state("DELETE FROM shards WHERE name = ?", (name,))
 
     @property
     def parts(self) -> dict[int, Path]:
@@ -125,7 +153,10 @@ class BuildingFolder:
         made = {number: path for number in numbers if (path := self.part(number)).is_file()}
         if not made or len(made) + sum(number in failures for number in numbers) < len(numbers):
             return False
-        assemble_shard(self.shard(index), made, self.facts.attributes)
+        shard = self.shard(index)
+        self.forget_shard(shard.name)
+        assemble_shard(shard, made, self.facts.attributes)
+        self.note_shard(shard.name, file_digest(shard))  # before its parts go
         for path in made.values():
             path.unlink(missing_ok=True)
         return True

@@ -5,26 +5,23 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
 import h5py
 
 from rfgen_sionna.dataset.checksums import Damage, damaged, read_sums
-from rfgen_sionna.dataset.recording_digest import recording_digest
 from rfgen_sionna.dataset.run_file import open_hdf5
 from rfgen_sionna.dataset.schema import RunFormatError
 from rfgen_sionna.dataset.set_index import SetIndex, read_index
-from rfgen_sionna.dataset.shards import extract_recording
-from rfgen_sionna.dataset.verified_files import SUMS
+from rfgen_sionna.dataset.verified_files import SUMS, VerifiedFiles
 from rfgen_sionna.recipes.build_progress import progress_steps
-from rfgen_sionna.recipes.building import BuildReport, EngineName, chosen_engine, recordings_in, run_build
-from rfgen_sionna.recipes.building_folder import BUILDING, SHARDS, BuildingFolder, is_final, shard_name
-from rfgen_sionna.recipes.outcome import BuildJob, Outcome
-from rfgen_sionna.recipes.process_engine import LocalProcesses
+from rfgen_sionna.recipes.building import BuildReport, EngineName, chosen_engine, run_build
+from rfgen_sionna.recipes.building_folder import BUILDING, SHARDS, BuildingFolder, shard_name
+from rfgen_sionna.recipes.outcome import BuildJob
+from rfgen_sionna.recipes.present_recordings import ExtractionJob, extract_whole, recordings_in
 from rfgen_sionna.recipes.recipe import Recipe
-from rfgen_sionna.recipes.recording_job import RecordingJob, part_name
+from rfgen_sionna.recipes.recording_job import RecordingJob
 from rfgen_sionna.recipes.set_facts import RECIPE, SetFacts, recipe_of_set
 
 
@@ -84,11 +81,11 @@ def repair_dataset(
     names = {each.file for each in found}
     sums, index = _known(path)
     text = _recipe_text(path, names, sums)
-    facts = _facts(path, names, index, text)
+    facts = _facts(path, names, index, text, sums)
     chosen: Recipe | None = None
     if facts is None:
         chosen = recipe_of_set(path, recipe, text)
-        facts = SetFacts.of(chosen)
+        facts = SetFacts.of(chosen, "cpu" if gpus_per_worker == 0 else "cuda")
     state = BuildingFolder(path, facts)
     shards = {shard_name(number): number for number in range(state.shard_count)}
     if unknown := sorted(each for each in names if each.endswith(".h5") and each not in shards):
@@ -99,11 +96,12 @@ def repair_dataset(
         for each in found
         if each.file in shards
     }
-    lost = _lost(state, index, whole)
-    if lost:  # only then the recipe's files are needed
-        chosen = chosen or recipe_of_set(path, recipe, facts.text)
-    made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path)
     device = "cpu" if gpus_per_worker == 0 else "cuda"
+    if _lost(state, index, whole, sums):  # only then the recipe's files are needed
+        chosen = chosen or recipe_of_set(path, recipe, facts.text)
+        SetFacts.of(chosen, device).check_unchanged(path, facts.meta)
+    made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path)
+    verified = {name: digest for name, digest in sums.items() if name in shards and name not in names}
     job: BuildJob = RecordingJob(chosen, state.path, device) if chosen else ExtractionJob(path, state.path, {})
     moved: dict[Path, Path] = {}
     with state.locked(), progress_steps(progress, facts.count) as step:
@@ -114,41 +112,58 @@ def repair_dataset(
                 else:
                     (path / damage.file).unlink(missing_ok=True)
             numbers = range(facts.count) if chosen else ()
-            report = run_build(state, made_by, job, numbers, step, digests)
+            report = run_build(state, made_by, job, numbers, step, digests, verified=verified, retry=False)
         except BaseException:
             for stored, target in moved.items():
                 if stored.exists() and not target.exists():
                     stored.rename(target)
             raise
+    if again := [each for each in report.failures if each.number in digests]:
+        raise RunFormatError(
+            f"recording {again[0].number} of '{path}' could not be made again: {again[0].reason}; "
+            f"`rfgen dataset resume {path}` tries again"
+        )
     new = read_sums(path)
     if other := sorted(name for name in shards if sums.get(name, new.get(name)) != new.get(name)):
         raise RunFormatError(
-            f"'{path / other[0]}' has its recordings back, but not its old checksum: the HDF5 library is another one"
+            f"'{path / other[0]}' has its recordings back, but not its old checksum: the HDF5 library is another one, "
+            "or a recording was made now that had failed"
         )
     return report
 
 
-def _lost(state: BuildingFolder, index: SetIndex | None, whole: Mapping[str, set[int]]) -> set[int]:
+def _lost(
+    state: BuildingFolder, index: SetIndex | None, whole: Mapping[str, set[int]], sums: Mapping[str, str]
+) -> set[int]:
     """Recordings that are to be made again; `whole` are those in each damaged shard that are not."""
     there = set().union(*whole.values())
     for number in range(state.shard_count):
         shard = state.shard(number)
         if shard.name not in whole and shard.is_file():
+            VerifiedFiles(state.output, sums).check(shard.name)
             there |= recordings_in(shard)
-    failed = {each.number for each in index.failures if is_final(each)} if index else set()
+    failed = {each.number for each in index.failures} if index else set()
     return set(range(state.facts.count)) - there - failed
 
 
-def _facts(path: Path, damaged_files: set[str], index: SetIndex | None, text: str | None) -> SetFacts | None:
+def _facts(
+    path: Path, damaged_files: set[str], index: SetIndex | None, text: str | None, sums: Mapping[str, str]
+) -> SetFacts | None:
     """Facts of a set by its index or a whole shard; None where neither has them."""
     if text is None:
         return None
     found = SetFacts.stored(index.meta, text) if index else None
     for shard in sorted(path.glob(SHARDS)):
         if found is None and shard.name not in damaged_files:
-            with suppress(OSError, ValueError, RuntimeError), open_hdf5(shard) as file:
+            with suppress(OSError, ValueError, RuntimeError), _opened(shard, sums) as file:
                 found = SetFacts.stored({key: str(value) for key, value in file.attrs.items()}, text)
     return found
+
+
+def _opened(shard: Path, sums: Mapping[str, str]) -> h5py.File:
+    """A shard that ends no process that reads it."""
+    VerifiedFiles(shard.parent, sums).check(shard.name)
+    return open_hdf5(shard)
 
 
 def _set_folder(folder: str | PathLike[str]) -> Path:
@@ -180,7 +195,7 @@ def _recipe_text(path: Path, damaged_files: set[str], sums: Mapping[str, str]) -
     texts = []
     for shard in sorted(path.glob(SHARDS)):
         if shard.name not in damaged_files:
-            with suppress(OSError, ValueError, KeyError, RuntimeError), open_hdf5(shard) as file:
+            with suppress(OSError, ValueError, KeyError, RuntimeError), _opened(shard, sums) as file:
                 texts.append(str(file.attrs["recipe"]))
     with suppress(OSError, UnicodeDecodeError):
         texts.append(stored.read_text(encoding="utf-8"))
@@ -191,32 +206,6 @@ def _recipe_text(path: Path, damaged_files: set[str], sums: Mapping[str, str]) -
     return None
 
 
-@dataclass(frozen=True)
-class ExtractionJob:
-    """Takes whole recordings out of a damaged shard, in a process that the shard may end."""
-
-    shard: Path
-    folder: Path
-    digests: Mapping[int, str]
-
-    def __call__(self, number: int) -> Outcome:
-        part = self.folder / part_name(number)
-        try:
-            extract_recording(self.shard, number, part)
-            with h5py.File(part) as file:
-                if recording_digest(file) == self.digests[number]:
-                    return Outcome(number, "made")
-            part.unlink()
-        except Exception as error:
-            part.unlink(missing_ok=True)
-            return Outcome(number, "error", f"{type(error).__name__}: {error}")
-        return Outcome(number, "error", "it is damaged")
-
-    def seed(self, number: int) -> int:
-        """Zero: nothing is drawn."""
-        return 0
-
-
 def _take_apart(
     state: BuildingFolder, index: int, whole: Iterable[int], digests: Mapping[int, str]
 ) -> dict[Path, Path]:
@@ -224,10 +213,7 @@ def _take_apart(
     shard = state.shard(index)
     if not shard.is_file():
         return {}
-    job = ExtractionJob(shard, state.path, {number: digests[number] for number in whole})
-    for outcome in LocalProcesses(1).outcomes(job, sorted(whole)):
-        if outcome.kind != "made":
-            state.part(outcome.number).unlink(missing_ok=True)
+    extract_whole(state, shard, whole, digests)
     stored = state.path / f"{shard.name}.damaged"
     shard.rename(stored)
     return {stored: shard}

@@ -9,6 +9,8 @@ from os import PathLike
 from pathlib import Path
 
 from rfgen_sionna.dataset.schema import software_versions
+from rfgen_sionna.dataset.store import OutputError
+from rfgen_sionna.dataset.whole_files import write_whole
 from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.recipe_error import RecipeError
 
@@ -31,19 +33,22 @@ class SetFacts:
     recordings_per_shard: int
     software: str
     """Versions of the software (JSON)."""
+    device: str = "cpu"
+    """Device that sums the paths."""
 
     @classmethod
-    def of(cls, recipe: Recipe) -> SetFacts:
+    def of(cls, recipe: Recipe, device: str = "cpu") -> SetFacts:
         """Facts of a new set."""
         software = json.dumps(software_versions(), sort_keys=True)
-        return cls(recipe.text, recipe.digest, recipe.count, recipe.recordings_per_shard, software)
+        return cls(recipe.text, recipe.digest, recipe.count, recipe.recordings_per_shard, software, device)
 
     @classmethod
     def stored(cls, attributes: Mapping[str, str], text: str) -> SetFacts | None:
         """Facts in the attributes of a shard or of an index; None where they lack."""
         try:
             numbers = int(attributes["recordings"]), int(attributes["recordings_per_shard"])
-            return cls(text, str(attributes["recipe_digest"]), *numbers, str(attributes["software"]))
+            device = str(attributes.get("device", "cpu"))
+            return cls(text, str(attributes["recipe_digest"]), *numbers, str(attributes["software"]), device)
         except (KeyError, ValueError):
             return None
 
@@ -52,7 +57,7 @@ class SetFacts:
         """Facts for the index."""
         return {
             "recipe_digest": self.digest, "recordings": str(self.count),
-            "recordings_per_shard": str(self.recordings_per_shard), "software": self.software,
+            "recordings_per_shard": str(self.recordings_per_shard), "software": self.software, "device": self.device,
         }  # fmt: skip
 
     @property
@@ -60,10 +65,38 @@ class SetFacts:
         """Attributes of the shards."""
         return {"recipe": self.text, **self.meta}
 
+    def changes(self, begun: Mapping[str, str]) -> list[str]:
+        """What is other than in the facts that a set was begun with, in words; its recordings would be others, too."""
+        found = []
+        if begun.get("recipe_digest", self.digest) != self.digest:
+            found.append("a file that the recipe names (mesh, clip, radar, receiver or scene) has other contents")
+        if (device := begun.get("device", self.device)) != self.device:
+            found.append(f"the device is {self.device} instead of {device} (gpus_per_worker, --gpus-per-worker)")
+        here, there = json.loads(self.software), _versions(begun.get("software", self.software))
+        for name in sorted(here.keys() | there.keys()):
+            if here.get(name) != there.get(name):
+                found.append(f"{name} is {here.get(name, 'missing')} instead of {there.get(name, 'missing')}")
+        return found
+
+    def check_unchanged(self, folder: Path, begun: Mapping[str, str]) -> None:
+        """OutputError if recordings of these facts would be others than those in a folder."""
+        if changes := self.changes(begun):
+            raise OutputError(
+                f"'{folder}' was begun with others, its recordings would differ: {'; '.join(changes)}. Take the old "
+                "ones again, or build the recipe in another folder"
+            )
+
+
+def _versions(text: str) -> dict[str, str]:
+    try:
+        return {str(name): str(version) for name, version in json.loads(text).items()}
+    except (ValueError, AttributeError, RecursionError):
+        return {}
+
 
 def note_origin(folder: Path, recipe: str | PathLike[str]) -> None:
     """Note where the recipe of a set lies on this machine, beside its files."""
-    (folder / ORIGIN).write_text(str(Path(recipe).resolve().parent), encoding="utf-8")
+    write_whole(folder / ORIGIN, str(Path(recipe).resolve().parent))
 
 
 def recipe_of_set(folder: Path, recipe: Recipe | str | PathLike[str] | None = None, text: str | None = None) -> Recipe:

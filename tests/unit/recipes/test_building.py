@@ -17,14 +17,18 @@ from typing import Any
 
 import pytest
 
-from rfgen_sionna.dataset import open_dataset
+from rfgen_sionna.dataset import open_dataset, whole_files
+from rfgen_sionna.dataset.schema import software_versions
 from rfgen_sionna.dataset.store import OutputError
+from rfgen_sionna.dataset.whole_files import write_whole
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.recipes import set_facts
 from rfgen_sionna.recipes.building import BuildError, BuildReport, build_dataset, run_build
 from rfgen_sionna.recipes.building_folder import BUILDING, BuildingFolder, BusyError
 from rfgen_sionna.recipes.outcome import Job, Outcome
 from rfgen_sionna.recipes.process_engine import LocalProcesses
 from rfgen_sionna.recipes.recipe import Recipe
+from rfgen_sionna.recipes.recording_job import RecordingJob
 from rfgen_sionna.recipes.repairing import repair_dataset, verify_dataset
 from rfgen_sionna.recipes.set_facts import SetFacts
 from tests.unit.recipes.noise_job import InlineEngine, NoiseJob
@@ -254,6 +258,104 @@ def test_damaged_small_files_get_their_bytes_back(build: Any, tmp_path: Path, re
     assert repair_dataset(tmp_path / "set") is None
 
 
+@pytest.mark.parametrize("place", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("engine", [EndingEngine(5), CrashingEngine()], ids=["interrupted", "with a failure"])
+def test_a_resumed_build_does_not_take_a_damaged_shard_as_whole(
+    build: Any, tmp_path: Path, engine: Any, place: float
+) -> None:
+    build(tmp_path / "whole")
+    with suppress(KeyboardInterrupt):
+        build(tmp_path / "set", engine=engine)
+    shard = tmp_path / "set" / "shard-00000.h5"
+    flipped(shard, int(place * shard.stat().st_size))
+    build(tmp_path / "set")
+    assert contents(tmp_path / "set") == contents(tmp_path / "whole")
+    assert verify_dataset(tmp_path / "set") == []
+
+
+def test_whole_recordings_of_a_damaged_shard_are_not_made_again(build: Any, tmp_path: Path) -> None:
+    build(tmp_path / "set", engine=CrashingEngine())
+    shard = tmp_path / "set" / "shard-00000.h5"
+    flipped(shard, int(0.5 * shard.stat().st_size))
+    for name in ("SHA256SUMS", "index.sqlite"):
+        flipped(tmp_path / "set" / name, 100)  # the shard has the digests of its recordings
+    assert build(tmp_path / "set").made == 1 + 1
+    assert verify_dataset(tmp_path / "set") == []
+
+
+def test_a_shard_that_was_begun_to_be_noted_is_written_again(build: Any, tmp_path: Path, monkeypatch: Any) -> None:
+    """The driver ends between the shard and the note of its digest: the parts are still there."""
+    build(tmp_path / "whole")
+    with monkeypatch.context() as patched:
+        patched.setattr(BuildingFolder, "note_shard", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt()))
+        with pytest.raises(KeyboardInterrupt):
+            build(tmp_path / "set")
+    flipped(tmp_path / "set" / "shard-00000.h5", 9_000)
+    assert build(tmp_path / "set").made == COUNT - 3
+    assert contents(tmp_path / "set") == contents(tmp_path / "whole")
+
+
+def test_a_full_disk_at_a_resume_leaves_the_recipe(build: Any, tmp_path: Path, monkeypatch: Any) -> None:
+    with suppress(KeyboardInterrupt):
+        build(tmp_path / "set", engine=EndingEngine(2))
+    before = (tmp_path / "set" / "recipe.toml").read_bytes()
+
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "write_bytes", full)
+        patched.setattr(Path, "write_text", full)
+        with suppress(BuildError):
+            build(tmp_path / "set", full=(2,))
+    assert (tmp_path / "set" / "recipe.toml").read_bytes() == before
+
+
+def test_a_small_file_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: Any) -> None:
+    path = tmp_path / "recipe.toml"
+    write_whole(path, "old")
+    written = path.stat().st_mtime_ns, path.stat().st_ino
+    write_whole(path, "old")
+    assert (path.stat().st_mtime_ns, path.stat().st_ino) == written
+
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(whole_files, "synced", full)
+    with pytest.raises(OSError, match="No space"):
+        write_whole(path, "new")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("options", [{"workers": 0}, {"engine": "slurm"}, {"order": "sideways"}])
+def test_a_wrong_argument_leaves_nothing(tmp_path: Path, options: Any) -> None:
+    recipe = write_small_recipe(tmp_path / "recipe")
+    with pytest.raises(ValueError, match=r"(is|are) needed"):
+        build_dataset(recipe, tmp_path / "set", **options)
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_build_is_not_continued_with_other_files_software_or_device(
+    build: Any, recipe: Recipe, tmp_path: Path, monkeypatch: Any
+) -> None:
+    with suppress(KeyboardInterrupt):
+        build(tmp_path / "set", engine=EndingEngine(4))
+    other = replace(recipe)
+    other.__dict__.update(recordings_per_shard=3, digest="0" * 64)
+    with pytest.raises(OutputError, match=r"a file that the recipe names .* has other contents"):
+        build_dataset(other, tmp_path / "set", resume=True)
+    with pytest.raises(OutputError, match="the device is cuda instead of cpu"):
+        build_dataset(recipe, tmp_path / "set", resume=True, gpus_per_worker=1.0)
+    build(tmp_path / "ended")
+    monkeypatch.setattr(set_facts, "software_versions", lambda: {**software_versions(), "numpy": "1.0"})
+    with pytest.raises(OutputError, match=r"numpy is 1\.0 instead of .*Take the old ones again"):
+        build_dataset(recipe, tmp_path / "set", resume=True)
+    assert build_dataset(recipe, tmp_path / "ended", resume=True).made == 0
+    with pytest.raises(OutputError, match="a file that the recipe names"):
+        build_dataset(other, tmp_path / "ended", resume=True)
+
+
 # The whole of it, made by the package's own job.
 
 
@@ -300,6 +402,36 @@ def test_a_damaged_shard_gets_its_old_bytes_back(balls: Any, tmp_path: Path) -> 
     assert report is not None
     assert report.made == len(found[0].recordings)
     assert contents(damaged) == contents(folder)
+
+
+class OneFails:
+    """Local processes, one of whose recordings counts as crashed."""
+
+    def outcomes(self, job: Any, numbers: Iterable[int]) -> Generator[Outcome, None, None]:
+        for outcome in LocalProcesses(1).outcomes(job, numbers):
+            if outcome.number == 4:
+                (job.folder / "000004.h5").unlink()
+            yield outcome if outcome.number != 4 else Outcome(4, "crashed", "signal SIGKILL")
+
+
+def test_a_repair_makes_what_was_lost_and_keeps_earlier_failures(balls: Any, tmp_path: Path, monkeypatch: Any) -> None:
+    recipe = Recipe.load(balls[0])
+    (tmp_path / "set").mkdir()
+    state = BuildingFolder(tmp_path / "set", SetFacts.of(recipe))
+    with state.locked():
+        run_build(state, OneFails(), RecordingJob(recipe, state.path), range(6), lambda done, failed: None)
+    before = contents(tmp_path / "set")
+    shard = tmp_path / "set" / "shard-00000.h5"
+    flipped(shard, shard.stat().st_size // 2)
+    with monkeypatch.context() as patched:
+        patched.setattr(set_facts, "software_versions", lambda: {**software_versions(), "numpy": "1.0"})
+        with pytest.raises(OutputError, match=r"numpy is 1\.0 instead of"):
+            repair_dataset(tmp_path / "set", recipe, workers=1)
+    report = repair_dataset(tmp_path / "set", recipe, workers=1)
+    assert report is not None
+    assert report.made == 1
+    assert [each.number for each in report.failures] == [4]
+    assert contents(tmp_path / "set") == before
 
 
 def test_the_set_of_another_recipe_is_not_repaired_with_this_one(balls: Any, tmp_path: Path, recipe: Recipe) -> None:
