@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from rfgen_sionna.dataset.set_index import INDEX, SetIndex, read_index
@@ -15,7 +16,7 @@ from rfgen_sionna.dataset.shards import file_digest
 from rfgen_sionna.dataset.verified_files import SUMS, ChecksumError, VerifiedFiles, examined
 
 _OWN = "# SHA-256 of the lines above: "
-_LINE = re.compile(r"([0-9a-f]{64})  ([^/\0\n]+)")
+_LINE = re.compile(r"([0-9a-f]{64})  ([^/\\\0\n]+)")
 _PATTERNS = ("shard-*.h5", "index.sqlite", "recipe.toml", "README.md")
 
 
@@ -75,7 +76,7 @@ def read_sums(folder: Path) -> dict[str, str]:
     FileNotFoundError
         If there are none.
     ChecksumError
-        If a byte of the file is not as it was written.
+        If a byte of the file is not as it was written, or it names files that no set has.
     """
     path, cure = folder / SUMS, f"`rfgen dataset repair {folder}` writes it again"
     if not path.is_file():
@@ -86,7 +87,8 @@ def read_sums(folder: Path) -> dict[str, str]:
         text = ""
     found = {}
     for line in text.splitlines()[:-1]:
-        if (match := _LINE.fullmatch(line)) is None:
+        match = _LINE.fullmatch(line)
+        if match is None or not any(fnmatchcase(match[2], pattern) for pattern in _PATTERNS):
             break
         found[match[2]] = match[1]
     if not text or text != _text(found):

@@ -38,7 +38,7 @@ _TABLES = {
     ),
     "failures": "number INTEGER NOT NULL, seed INTEGER, kind TEXT NOT NULL, reason TEXT NOT NULL",
 }
-_SHARD_NAME = re.compile(r"shard-[A-Za-z0-9_-]+\.h5")
+_SHARD_NAME = re.compile(r"shard-[^/\\\0\n]*\.h5")
 _LISTS = ("actions", "bodies")
 
 

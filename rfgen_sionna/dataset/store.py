@@ -131,6 +131,9 @@ class RunWriter:
                 self._guarded or self._partial, "r+" if continued else "w", libver=self.storage.libver
             )
         except OSError as error:
+            if self._guarded is not None:
+                self._guarded.close()
+                self._partial.unlink(missing_ok=True)
             raise OutputError(
                 f"output '{self.path}': its frames in '{self._partial}' cannot be opened ({error}); another process "
                 "writes them, or the file is damaged: delete it"

@@ -67,7 +67,8 @@ class WindowReader:
         Names of labels: "action" (class number of the only actor), "actions" (1 for each class that an actor has),
         "place" (class number), numbers of the recording ("recording", "distance_m", "azimuth_deg", "orientation_deg",
         "people", "duration_s", "seed"; NaN where the recipe leaves them open), "joints" (frame, actor, joint, axis)
-        [m], or a label of the runs (frame, actor, ...). Actors that a recording lacks are NaN.
+        [m], or a label of the runs (frame, actor, ...). Actors that a recording lacks, and joints of the first
+        recording that an actor lacks, are NaN.
     radar
         Name of the radar; needed if recordings have several.
     window_s, stride_s
@@ -176,9 +177,14 @@ class WindowReader:
         count = len(range(*frames.indices(len(run))))
         found = np.full((count, self.num_actors, len(self.joint_names), 3), np.nan, np.float32)
         for number, actor in enumerate(actor_names(run)):
-            stored = run.stored(f"actors/{actor}/joints")
-            if stored is not None and stored.shape[1] == len(self.joint_names):
-                found[:, number] = stored[frames]
+            stored, names = run.stored(f"actors/{actor}/joints"), run.stored(f"actors/{actor}/joint")
+            if stored is None or names is None:
+                continue
+            own = {name: place for place, name in enumerate(names.asstr()[:])}
+            joints = stored[frames]
+            for place, name in enumerate(self.joint_names):
+                if name in own:
+                    found[:, number, place] = joints[:, own[name]]
         return found
 
     def _check(self, run: Run) -> None:
@@ -201,10 +207,12 @@ class WindowReader:
         for name in self.labels:
             if name not in there:
                 raise ValueError(f"labels has {name!r}: {where} have {', '.join(there)}")
-        if "action" in self.labels and (most := max(len(row.actions) for row in self.recordings.rows)) != 1:
-            raise ValueError(
-                f"labels has 'action': {where} have up to {most} actors; 'actions' marks the class of each"
-            )
+        for row in self.recordings.rows if "action" in self.labels else ():
+            if len(row.actions) != 1:
+                raise ValueError(
+                    f"labels has 'action': recording {row.number} of '{self.recordings.folder}' has "
+                    f"{len(row.actions)} actors; 'actions' marks the class of each"
+                )
         self.joint_names = joints
 
     def _find_joints(self, run: Run) -> tuple[str, ...]:

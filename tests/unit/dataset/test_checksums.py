@@ -9,7 +9,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from rfgen_sionna.dataset import ChecksumError, RunFormatError, damaged, open_dataset
+from rfgen_sionna.dataset import ChecksumError, RunFormatError, checksums, damaged, open_dataset
 from rfgen_sionna.dataset.checksums import read_sums, write_sums
 from rfgen_sionna.dataset.set_index import INDEX, read_index
 from rfgen_sionna.dataset.shards import assemble_shard, extract_recording
@@ -76,6 +76,14 @@ def test_what_was_hurt_is_put_back_from_what_was_not(small_set, tmp_path):
     assemble_shard(path, parts | {1: tmp_path / "made again.h5"}, {"recipe": recipe})
     assert path.read_bytes() == data
     assert damaged(small_set) == []
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "..", r"..\shard-x.h5", ".verified"])
+def test_sums_that_name_files_of_no_set_are_refused(small_set, name):
+    (small_set / SUMS).write_text(checksums._text(read_sums(small_set) | {name: "0" * 64}))
+    with pytest.raises(ChecksumError, match="is damaged"):
+        read_sums(small_set)
+    assert [each.file for each in damaged(small_set)] == [SUMS]
 
 
 def test_files_that_are_not_listed_are_found(small_set):

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rfgen_sionna.dataset import RunWriter, open_run
+from rfgen_sionna.dataset import OutputError, RunWriter, open_run
 from rfgen_sionna.dataset.guarded_file import GuardedFile
 from rfgen_sionna.dataset.shards import assemble_shard, extract_recording
 
@@ -103,6 +103,25 @@ def test_what_is_not_on_the_disk_is_in_memory(tmp_path_factory, writes, limit):
     else:
         file.check()
     file.close()
+
+
+def test_a_file_that_hdf5_does_not_open_is_closed_and_gone(tmp_path, monkeypatch, write):
+    def fails(*args, **options):
+        raise OSError("no")
+
+    made = []
+
+    class Noted(GuardedFile):
+        def __init__(self, path):
+            super().__init__(path)
+            made.append(self)
+
+    monkeypatch.setattr("rfgen_sionna.dataset.store.GuardedFile", Noted)
+    monkeypatch.setattr("rfgen_sionna.dataset.store.h5py.File", fails)
+    with pytest.raises(OutputError, match="cannot be opened"):
+        write(tmp_path / "run.h5", compressed=True, dated=False)
+    assert [each.closed for each in made] == [True]
+    assert os.listdir(tmp_path) == []
 
 
 def test_a_guarded_file_is_an_hdf5_file(tmp_path):

@@ -2,7 +2,9 @@
 
 import multiprocessing
 import pickle
+from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 import torch
@@ -10,10 +12,11 @@ from torch.utils.data import DataLoader
 
 from rfgen_sionna.dataset import open_dataset
 from rfgen_sionna.dataset.adc_words import AdcWords
-from rfgen_sionna.dataset.shards import assemble_shard
+from rfgen_sionna.dataset.shards import assemble_shard, recording_digest
 from rfgen_sionna.dataset.torch import RadarDataset, StreamingRadarDataset, to_db
+from rfgen_sionna.dataset.windows import WindowReader
 from rfgen_sionna.processing import range_doppler
-from tests.unit.dataset.small_sets import ACTIONS, JOINTS, finish, make_set, write_part
+from tests.unit.dataset.small_sets import ACTIONS, JOINTS, finish, make_set, small_radar, write_part
 
 
 @pytest.fixture(scope="module")
@@ -190,3 +193,33 @@ def test_ranks_share_a_stream(folder, ranks):
 def test_a_rank_beyond_all_is_refused(folder):
     with pytest.raises(ValueError, match="world_size"):
         StreamingRadarDataset(folder, None, rank=2, world_size=2)
+
+
+def test_joints_are_those_of_their_names(tmp_path):
+    folder = make_set(tmp_path / "set", count=2, per_shard=2, splits=("train",))
+    before = RadarDataset(folder, None, "adc", "joints")[1][1]
+    with h5py.File(folder / "shard-00000.h5", "r+") as shard:
+        names = shard["recordings/000001/actors/person/joint"]
+        names[:] = [*JOINTS[1::-1], *JOINTS[2:-1], "tail"]
+        group = shard["recordings/000001"]
+        group.attrs["digest"] = recording_digest(group)
+    finish(folder)
+    after = RadarDataset(folder, None, "adc", "joints")[1][1]
+    assert after[..., -1, :].isnan().all()
+    np.testing.assert_array_equal(after[..., [1, 0], :], before[..., :2, :])
+    np.testing.assert_array_equal(after[..., 2:-1, :], before[..., 2:-1, :])
+
+
+def test_recordings_without_an_action_are_named(tmp_path):
+    with open_dataset(make_set(tmp_path / "set", count=2, per_shard=2, splits=("train",))) as recordings:
+        rows = recordings.rows[0], replace(recordings.rows[1], actions=())
+        with pytest.raises(ValueError, match=r"recording 1 .* has 0 actors"):
+            WindowReader(recordings._part(rows), None, "adc", ["action"])
+
+
+def test_windows_have_a_frame_at_least(tmp_path):
+    folder = make_set(tmp_path / "set", count=1)
+    period = small_radar().waveform.frame_period
+    assert len(RadarDataset(folder, None, "adc", "action", window_s=period)) == 5
+    with pytest.raises(ValueError, match=r"window_s is .*: a frame takes 0\.1 s"):
+        RadarDataset(folder, None, "adc", "action", window_s=0.5 * period)
