@@ -85,6 +85,10 @@ class Directions(ShortRepr):
         pairs = zip(vars(other).values(), vars(self).values(), strict=True)
         return Directions(*(np.where(mask, new, old) for new, old in pairs))
 
+    def selected(self, mask: NDArray[np.bool_]) -> Directions:
+        """Estimates where `mask` (n,) is set."""
+        return Directions(*(values[mask] for values in vars(self).values()))
+
 
 def find_directions(
     channels: ComplexChannels,
@@ -97,7 +101,8 @@ def find_directions(
     """Strongest direction of each channel vector: the peak of the beam over all element positions.
 
     For one target this is the maximum-likelihood estimate. A search over direction cosines, in steps of a quarter beam
-    width, precedes a local search down to 1/500 of a beam width.
+    width, precedes a local search down to 1/500 of a beam width. Where the beam is strongest beyond the horizon, with
+    direction cosines of u² + v² > 1, the estimate is at 90° from boresight.
 
     Parameters
     ----------

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 _GUARD, _TRAIN = 2, 8
 """Default guard and training cells of CFAR on either side, in resolution cells; small maps have fewer."""
+_HORIZON = 1e-6
+"""Cosine of the angle to boresight up to which the search for a direction was stopped by the horizon."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,12 +87,15 @@ def point_cloud(
     """Detect, refine and locate the targets of one frame (chirp, tx, rx, sample).
 
     CFAR runs on the mean power of the channels, at twice the FFT lengths. Every local maximum over the threshold
-    becomes one point in its strongest direction.
+    becomes one point in its strongest direction. Points whose beam is strongest beyond 90° from boresight, where
+    direction cosines would have u² + v² > 1, are left out: an echo in front of the array has no such phases, but noise
+    and several targets in one cell do.
 
     Speeds beyond `radar.max_velocity` fold. With Tx elements in Doppler bands (DDM), an empty band determines the fold,
     up to `doppler_bands` times that speed, for one target per range. Elsewhere `ambiguities` compares folds by the
     array. Without either, migration determines the sign of a speed within a cell of the limit, and a faster target
-    appears 2 `max_velocity` lower, with a range error by :func:`~rfgen_sionna.processing.spectrum.coupling`.
+    appears 2 `max_velocity` lower, with a range error by :func:`~rfgen_sionna.processing.spectrum.coupling`, and with Tx
+    elements in turn in another direction, or as no point.
 
     Parameters
     ----------
@@ -172,6 +177,9 @@ def point_cloud(
     found = _directions(whole, cells, own.start or 0, radar, apparent, velocity, ambiguities)
     found, apparent, peak = _refocus(array, radar, found, apparent, peak, window, static, ambiguities)
     direction = unit_vectors(found.azimuth, found.elevation)
+    real = direction[:, 0] > _HORIZON
+    direction, apparent, peak, cells = direction[real], apparent[real], peak[real], cells[real]
+    found = found.selected(real)
     distance = _distance(apparent - coupling(radar, found.velocity), direction, radar)
     device = direction * distance[:, None]
     return PointCloud(

@@ -116,7 +116,8 @@ def test_unfolded_targets_are_as_sharp_as_slow_ones(preset, share):
     cube = frame(radar, (5.5, velocity, AZIMUTH))
     check(point_cloud(cube, radar, max_points=1, static=True, ambiguities=1), radar, 5.5, velocity)
     # Without that it is 2 max_velocity slower, and off by the difference in range-Doppler coupling, as documented.
-    folded = point_cloud(cube, radar, max_points=1, static=True)
+    # To the side its phases may be of no direction, which is no point.
+    folded = point_cloud(frame(radar, (5.5, velocity, 0.0)), radar, max_points=1, static=True)
     turn = 2 * np.sign(velocity) * radar.max_velocity
     assert folded.velocity[0] == pytest.approx(velocity - turn, abs=radar.velocity_resolution)
     off = turn * radar.center_frequency / radar.waveform.slope

@@ -144,3 +144,18 @@ def test_small_frames_have_room_for_the_default_window(synthesise, loops, sample
     assert abs(cloud.velocity[0] - speed) < 0.15 * radar.velocity_resolution
     with pytest.raises(ValueError, match="span"):
         point_cloud(cube, radar, train=(64, 64))
+
+
+@pytest.mark.parametrize(("uy", "uz", "points"), [(0.6, 0.5, 1), (0.8, 0.8, 0), (-0.9, 0.7, 0)])
+def test_phases_of_no_direction_are_no_point(synthesise, uy, uz, points):
+    """Phases of two rows and columns of an array can need direction cosines beyond the unit circle."""
+    radar = Radar.load("iwr6843isk")
+    cube = synthesise(radar, [((3.0, 0, 0), (0, 0, 0), 1e-3)])[0]
+    phase = 2 * np.pi / radar.wavelength * radar.virtual_positions @ (0, uy, uz)
+    turned = cube * np.exp(-1j * phase)[:, :, None].astype(np.complex64)
+    cloud = point_cloud(turned, radar, static=True)
+    assert len(cloud) == points
+    for name in ("range", "velocity", "azimuth", "elevation", "power", "snr_db", "device", "position"):
+        assert len(getattr(cloud, name)) == points
+    if points:
+        np.testing.assert_allclose(np.abs(cloud.device[0] / cloud.range[0])[1:], (uy, uz), atol=0.05)
