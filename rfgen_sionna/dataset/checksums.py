@@ -17,6 +17,7 @@ from rfgen_sionna.dataset.verified_files import SUMS, ChecksumError, VerifiedFil
 
 _OWN = "# SHA-256 of the lines above: "
 _LINE = re.compile(r"([0-9a-f]{64})  ([^/\\\0\n]+)")
+_UNFINISHED = ".building"
 _PATTERNS = ("shard-*.h5", "index.sqlite", "recipe.toml", "README.md")
 
 
@@ -80,7 +81,8 @@ def read_sums(folder: Path) -> dict[str, str]:
     """
     path, cure = folder / SUMS, f"`rfgen dataset repair {folder}` writes it again"
     if not path.is_file():
-        raise FileNotFoundError(f"data set '{folder}' has no {SUMS}: {cure}, or `rfgen dataset resume` ends its build")
+        cure = f"`rfgen dataset resume {folder}` ends its build" if (folder / _UNFINISHED).is_dir() else cure
+        raise FileNotFoundError(f"data set '{folder}' has no {SUMS}: {cure}")
     try:
         text = path.read_bytes().decode()
     except UnicodeDecodeError:

@@ -86,6 +86,14 @@ def test_sums_that_name_files_of_no_set_are_refused(small_set, name):
     assert [each.file for each in damaged(small_set)] == [SUMS]
 
 
+@pytest.mark.parametrize(("folder", "word"), [(".building", "resume"), ("other", "repair")])
+def test_a_set_without_sums_is_told_the_cure(tmp_path, folder, word):
+    (tmp_path / folder).mkdir()
+    with pytest.raises(FileNotFoundError, match=f"`rfgen dataset {word} ") as caught:
+        read_sums(tmp_path)
+    assert str(caught.value).count("rfgen dataset") == 1
+
+
 def test_files_that_are_not_listed_are_found(small_set):
     shutil.copy(small_set / SHARD, small_set / "shard-00001.h5")
     assert [(each.file, each.reason) for each in damaged(small_set)] == [("shard-00001.h5", "not in SHA256SUMS")]
