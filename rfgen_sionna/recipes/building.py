@@ -32,7 +32,7 @@ from rfgen_sionna.recipes.present_recordings import present_recordings
 from rfgen_sionna.recipes.process_engine import LocalProcesses
 from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.recording_job import RecordingJob
-from rfgen_sionna.recipes.set_facts import ORIGIN, RECIPE, SetFacts, note_origin
+from rfgen_sionna.recipes.set_facts import ORIGIN, RECIPE, SetFacts, note_origin, with_plain_ends
 
 EngineName = Literal["processes", "ray"]
 Order = Literal["forward", "reversed"] | Sequence[int]
@@ -184,6 +184,7 @@ def run_build(
     try:
         write_whole(state.output / RECIPE, state.facts.text)
         state.note_facts()
+        state.mark(unfinished=retry)
         failures = _kept_failures(state, retry)
         done = present_recordings(state, failures, verified or {})
         missing = [number for number in numbers if number not in done and number not in failures]
@@ -299,7 +300,7 @@ def _check_output(folder: Path, recipe: Recipe, resume: bool) -> None:
         raise OutputError(f"output '{folder}' is not empty: choose another folder")
     if not resume:
         raise OutputError(f"output '{folder}' holds a set: resume=True (`rfgen dataset resume`) makes what it lacks")
-    if stored.read_text(encoding="utf-8", errors="replace") != recipe.text:
+    if stored.read_text(encoding="utf-8", errors="replace") != with_plain_ends(recipe.text):
         raise OutputError(
             f"output '{folder}' holds a set of another recipe ('{stored}'): choose another folder, or that recipe"
         )

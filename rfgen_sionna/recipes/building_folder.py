@@ -21,6 +21,8 @@ BUILDING = ".building"
 """Name of the folder of a build."""
 SHARDS = "shard-*.h5"
 """Pattern of the names of shards."""
+UNFINISHED = "unfinished"
+"""Name of a file in the folder of a build: the set lacks recordings that only the build makes, no repair."""
 _TABLES = (
     "failures (number INTEGER PRIMARY KEY, seed INTEGER, kind TEXT, reason TEXT)",
     "facts (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
@@ -54,15 +56,31 @@ class BuildingFolder:
         BusyError
             If another driver is at work, on this machine or another one that shares the disk.
         """
-        self.path.mkdir(parents=True, exist_ok=True)
-        handle = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o644)
+        handle = self._locked_handle()
         try:
-            _lock(handle, self.output)
             self._remove_leftovers()
             for table in _TABLES:
                 self._with_state(f"CREATE TABLE IF NOT EXISTS {table}")
             yield
         finally:
+            os.close(handle)
+
+    def _locked_handle(self) -> int:
+        while True:
+            self.path.mkdir(parents=True, exist_ok=True)
+            try:
+                handle = os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o644)
+            except FileNotFoundError:  # a build that has just ended removed the folder
+                continue
+            try:
+                _lock(handle, self.output)
+                if os.path.samestat(os.fstat(handle), os.stat(self.path / "lock")):
+                    return handle
+            except FileNotFoundError:
+                pass  # the lock is that of a build that has just ended
+            except BaseException:
+                os.close(handle)
+                raise
             os.close(handle)
 
     def _remove_leftovers(self) -> None:
@@ -101,6 +119,13 @@ class BuildingFolder:
         """Note what a new build is begun with."""
         for name, value in self.facts.meta.items():
             self._with_state("INSERT OR IGNORE INTO facts VALUES (?, ?)", (name, value))
+
+    def mark(self, unfinished: bool) -> None:
+        """Note whether the build is to be continued, rather than the set repaired."""
+        if unfinished:
+            (self.path / UNFINISHED).touch()
+        else:
+            (self.path / UNFINISHED).unlink(missing_ok=True)
 
     @property
     def shard_digests(self) -> dict[str, str]:

@@ -127,12 +127,13 @@ class RayCluster:
         probe.mkdir(parents=True)
         try:
             task = ray.remote(num_cpus=0)(_seen)
-            asked = {}
+            asked = []
             for node in ray.nodes():
                 if node["Alive"]:
                     where = ray.util.scheduling_strategies.NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
-                    asked[node["NodeManagerHostname"]] = task.options(scheduling_strategy=where).remote(str(probe))
-            for name, answer in asked.items():
+                    answer = task.options(scheduling_strategy=where).remote(str(probe))
+                    asked.append((node["NodeManagerHostname"], answer))
+            for name, answer in asked:
                 try:
                     there, versions = ray.get(answer, timeout=PROBE_TIMEOUT)
                 except ray.exceptions.RayError as error:

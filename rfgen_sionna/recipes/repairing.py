@@ -10,14 +10,15 @@ from pathlib import Path
 
 import h5py
 
+from rfgen_sionna.dataset.card import CARD
 from rfgen_sionna.dataset.checksums import Damage, damaged, read_sums
 from rfgen_sionna.dataset.run_file import open_hdf5
 from rfgen_sionna.dataset.schema import RunFormatError
-from rfgen_sionna.dataset.set_index import SetIndex, read_index
+from rfgen_sionna.dataset.set_index import INDEX, SetIndex, read_index
 from rfgen_sionna.dataset.verified_files import SUMS, VerifiedFiles
 from rfgen_sionna.recipes.build_progress import progress_steps
 from rfgen_sionna.recipes.building import BuildReport, EngineName, chosen_engine, run_build
-from rfgen_sionna.recipes.building_folder import BUILDING, SHARDS, BuildingFolder, shard_name
+from rfgen_sionna.recipes.building_folder import BUILDING, SHARDS, UNFINISHED, BuildingFolder, shard_name
 from rfgen_sionna.recipes.outcome import BuildJob
 from rfgen_sionna.recipes.present_recordings import ExtractionJob, extract_whole, recordings_in
 from rfgen_sionna.recipes.recipe import Recipe
@@ -36,7 +37,7 @@ def verify_dataset(folder: str | PathLike[str]) -> list[Damage]:
         If the folder is no set, or its build has not ended.
     """
     path = _set_folder(folder)
-    if (path / BUILDING).is_dir() and not (path / SUMS).is_file():
+    if (path / BUILDING / UNFINISHED).is_file() or ((path / BUILDING).is_dir() and not (path / SUMS).is_file()):
         raise ValueError(f"the build of '{path}' has not ended: `rfgen dataset resume {path}` makes the rest")
     return damaged(path)
 
@@ -109,7 +110,7 @@ def repair_dataset(
             for damage in found:
                 if damage.file in shards:
                     moved |= _take_apart(state, shards[damage.file], whole[damage.file], digests)
-                else:
+                elif damage.file in (CARD, INDEX, RECIPE, SUMS):
                     (path / damage.file).unlink(missing_ok=True)
             numbers = range(facts.count) if chosen else ()
             report = run_build(state, made_by, job, numbers, step, digests, verified=verified, retry=False)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
+from rfgen_sionna.dataset.card import CARD
 from rfgen_sionna.dataset.schema import software_versions
 from rfgen_sionna.dataset.store import OutputError
 from rfgen_sionna.dataset.whole_files import write_whole
@@ -16,6 +17,8 @@ from rfgen_sionna.recipes.recipe_error import RecipeError
 
 RECIPE = "recipe.toml"
 """Name of the recipe in the folder of a set."""
+AUGMENTATION = "augmentation"
+"""Table in the recipe of a set that is derived from another one by :mod:`rfgen_sionna.recipes.augmentation`."""
 ORIGIN = ".origin"
 """Name of the file with the folder of the recipe's own files on this machine."""
 
@@ -35,20 +38,23 @@ class SetFacts:
     """Versions of the software (JSON)."""
     device: str = "cpu"
     """Device that sums the paths."""
+    derived: str = ""
+    """Of a set that is made from the recordings of another one: by what, and the digest of that one's recipe."""
 
     @classmethod
     def of(cls, recipe: Recipe, device: str = "cpu") -> SetFacts:
         """Facts of a new set."""
         software = json.dumps(software_versions(), sort_keys=True)
-        return cls(recipe.text, recipe.digest, recipe.count, recipe.recordings_per_shard, software, device)
+        text = with_plain_ends(recipe.text)
+        return cls(text, recipe.digest, recipe.count, recipe.recordings_per_shard, software, device)
 
     @classmethod
     def stored(cls, attributes: Mapping[str, str], text: str) -> SetFacts | None:
         """Facts in the attributes of a shard or of an index; None where they lack."""
         try:
             numbers = int(attributes["recordings"]), int(attributes["recordings_per_shard"])
-            device = str(attributes.get("device", "cpu"))
-            return cls(text, str(attributes["recipe_digest"]), *numbers, str(attributes["software"]), device)
+            device, derived = str(attributes.get("device", "cpu")), str(attributes.get("derived", ""))
+            return cls(text, str(attributes["recipe_digest"]), *numbers, str(attributes["software"]), device, derived)
         except (KeyError, ValueError):
             return None
 
@@ -58,7 +64,7 @@ class SetFacts:
         return {
             "recipe_digest": self.digest, "recordings": str(self.count),
             "recordings_per_shard": str(self.recordings_per_shard), "software": self.software, "device": self.device,
-        }  # fmt: skip
+        } | ({"derived": self.derived} if self.derived else {})  # fmt: skip
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -85,6 +91,11 @@ class SetFacts:
                 f"'{folder}' was begun with others, its recordings would differ: {'; '.join(changes)}. Take the old "
                 "ones again, or build the recipe in another folder"
             )
+
+
+def with_plain_ends(text: str) -> str:
+    """A text whose lines end as those of a stored recipe do, on any system."""
+    return text.replace("\r\n", "\n")
 
 
 def _versions(text: str) -> dict[str, str]:
@@ -116,15 +127,21 @@ def recipe_of_set(folder: Path, recipe: Recipe | str | PathLike[str] | None = No
     FileNotFoundError
         If the folder has no recipe.
     ValueError
-        If the recipe is another one, or its files are missing.
+        If the recipe is another one, its files are missing, or the set is derived from another one.
     """
     stored = folder / RECIPE
     if text is None and not stored.is_file():
         raise FileNotFoundError(f"'{folder}' has no {RECIPE}, so it is no data set; `rfgen dataset build` begins one")
     text = stored.read_text(encoding="utf-8") if text is None else text
+    if f"\n[{AUGMENTATION}]\n" in text:
+        raise ValueError(
+            f"'{folder}' is derived from another set, and no recipe makes its recordings: augment_dataset(SOURCE, "
+            f"'{folder}', variants_of('{folder}'), resume=True) makes those that are lost from that set, which {CARD} "
+            "describes, in the folder SOURCE"
+        )
     if recipe is not None:
         chosen = recipe if isinstance(recipe, Recipe) else Recipe.load(recipe)
-        if chosen.text != text:
+        if with_plain_ends(chosen.text) != with_plain_ends(text):
             raise ValueError(f"recipe is another one than that of '{folder}': give the one that the set was made from")
         return chosen
     origin = folder / ORIGIN

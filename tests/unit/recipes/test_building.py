@@ -22,7 +22,7 @@ from rfgen_sionna.dataset.schema import software_versions
 from rfgen_sionna.dataset.store import OutputError
 from rfgen_sionna.dataset.whole_files import write_whole
 from rfgen_sionna.radar import Radar
-from rfgen_sionna.recipes import set_facts
+from rfgen_sionna.recipes import building_folder, set_facts
 from rfgen_sionna.recipes.building import BuildError, BuildReport, build_dataset, run_build
 from rfgen_sionna.recipes.building_folder import BUILDING, BuildingFolder, BusyError
 from rfgen_sionna.recipes.outcome import Job, Outcome
@@ -326,6 +326,43 @@ def test_a_small_file_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch
         write_whole(path, "new")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_unfinished_build_is_resumed_and_not_repaired(build: Any, tmp_path: Path) -> None:
+    build(tmp_path / "set", engine=CrashingEngine())
+    assert verify_dataset(tmp_path / "set") == []
+    with pytest.raises(KeyboardInterrupt):
+        build(tmp_path / "set", engine=EndingEngine(0))
+    for check in (verify_dataset, repair_dataset):
+        with pytest.raises(ValueError, match=r"has not ended: `rfgen dataset resume"):
+            check(tmp_path / "set")
+    assert build(tmp_path / "set").made == 1
+    assert verify_dataset(tmp_path / "set") == []
+
+
+def test_the_lock_of_an_ended_build_is_none(build: Any, tmp_path: Path, recipe: Recipe, monkeypatch: Any) -> None:
+    """A driver waits at the lock while the other one ends and removes its folder."""
+    state = BuildingFolder(tmp_path, SetFacts.of(recipe))
+    lock, ended = building_folder._lock, []
+
+    def ends(*arguments: Any) -> None:
+        lock(*arguments)
+        if not ended:
+            ended.append(True)
+            state.remove()
+
+    monkeypatch.setattr(building_folder, "_lock", ends)
+    with state.locked(), pytest.raises(BusyError):
+        build(tmp_path)
+    assert ended
+
+
+def test_the_ends_of_a_recipes_lines_are_no_matter(balls: Any, tmp_path: Path) -> None:
+    recipe, folder = balls
+    crlf = Recipe.parse(Recipe.load(recipe).text.replace("\n", "\r\n"), recipe.parent)
+    again = copy_of(folder, tmp_path / "set")
+    assert build_dataset(crlf, again, resume=True).made == 0
+    assert SetFacts.of(crlf).text == (folder / "recipe.toml").read_bytes().decode()
 
 
 @pytest.mark.parametrize("options", [{"workers": 0}, {"engine": "slurm"}, {"order": "sideways"}])
