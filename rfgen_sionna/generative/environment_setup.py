@@ -17,7 +17,7 @@ from rfgen_sionna.generative.prompts.environment_prompt import EnvironmentPrompt
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.records import Pir
 from rfgen_sionna.scene.furnished import furnished
-from rfgen_sionna.scene.load import load_scene
+from rfgen_sionna.scene.load import is_path, load_scene
 from rfgen_sionna.scene.scene import RadarScene
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class RunEnvironment:
     scene: RadarScene
     """Modelled surroundings; free space for imagined ones."""
     name: str
-    """Name in run files."""
+    """Name in run files; of a scene's file its own, without folders."""
     environment: Pir | None = None
     """Image of imagined surroundings."""
     refiner: Refiner | None = None
@@ -212,7 +212,8 @@ def set_up_environment(
     if request is None or source == "none":
         return RunEnvironment(load_scene(None), "")
     if source == "scene":
-        return RunEnvironment(load_scene(request.given or request.scene), request.scene)
+        name = Path(request.given).name if is_path(request.given) else request.scene
+        return RunEnvironment(load_scene(request.given or request.scene), name)
     place = request.place
     if place is None:
         raise PromptError(f"environment: {request.text!r} {_FILE_ONLY}")

@@ -94,8 +94,8 @@ def point_cloud(
     Speeds beyond `radar.max_velocity` fold. With Tx elements in Doppler bands (DDM), an empty band determines the fold,
     up to `doppler_bands` times that speed, for one target per range. Elsewhere `ambiguities` compares folds by the
     array. Without either, migration determines the sign of a speed within a cell of the limit, and a faster target
-    appears 2 `max_velocity` lower, with a range error by :func:`~rfgen_sionna.processing.spectrum.coupling`, and with Tx
-    elements in turn in another direction, or as no point.
+    appears 2 `max_velocity` lower, with a range error by :func:`~rfgen_sionna.processing.spectrum.coupling`; with Tx
+    elements in turn its direction is another one, or none, so that it is left out.
 
     Parameters
     ----------

@@ -118,6 +118,7 @@ def recording_plans(spec: RecordingSpec, device: str = "cpu") -> dict[str, RunPl
 def portable(spec: RecordingSpec) -> dict[str, Any]:
     """Record of a recording as its run stores it: with the names of files, without their folders."""
     record = spec.to_dict()
+    del record["place_file"]
     for source in record["sources"]:
         source["file"] = source["file"] and Path(source["file"]).name
     for radar in record["radars"]:
@@ -133,7 +134,7 @@ def recording_request(spec: RecordingSpec, device: str = "cpu") -> SceneRequest:
         raise ValueError("sources: clips and joints are alone in a recording; leave out the other sources")
     request = read_request(
         prompts,
-        environment=spec.place,
+        environment=spec.place_file or spec.place,
         seeds=RunSeeds(_first_body(spec).seed, spec.motion_seed, spec.place_seed, spec.seed, spec.seed),
         bodies=tuple(map(_person_body, spec.bodies)) if prompts else (),
         placement=Placement(spec.distance_m, spec.azimuth_deg, spec.orientation_deg),

@@ -21,7 +21,7 @@ from rfgen_sionna.recipes.recipe_checks import check_recipe
 from rfgen_sionna.recipes.recipe_contents import RecipeContents
 from rfgen_sionna.recipes.recipe_error import RecipeError, faults_of
 from rfgen_sionna.recipes.recipe_files import file_digests
-from rfgen_sionna.recipes.recipe_places import Place, prompted_place, read_place
+from rfgen_sionna.recipes.recipe_places import Place, check_names, prompted_place, read_place
 from rfgen_sionna.recipes.recipe_sources import Source, changes_freely, check_file, read_source, source_tables
 from rfgen_sionna.recipes.recipe_tables import MAX_COUNT, RecipeTables
 from rfgen_sionna.recipes.recipe_text import MAX_BYTES, raise_faults, read_tables
@@ -165,6 +165,13 @@ class Recipe(RecipeContents):
         for name, size in self._sizes.items():
             if size == 0:
                 raise RecipeError(f"splits.shares: '{name}' would be empty with {self.count} recordings: give more")
+        most = max(max(source.people for source in self.sources), max(self.tables.people.values))
+        for name, pools in self._pools.items():
+            if pools.bodies is not None and len(pools.bodies) < most and any(each.people for each in self.sources):
+                raise RecipeError(
+                    f"bodies.pool is {self.tables.bodies.pool}: split '{name}' has {len(pools.bodies)} of them, and "
+                    f"recordings have {most} people: give more, or leave the pool out"
+                )
 
     def split_of(self, number: int) -> str:
         """Name of the split of a recording."""
@@ -243,6 +250,7 @@ class Recipe(RecipeContents):
             seed=seed("noise"),
             motion_seed=motion_seed,
             place=place.name,
+            place_file=place.file,
             place_seed=place_seed,
             bodies=self._bodies(pools, sum(each.people for each in sources), draws, seed("bodies")),
             sources=tuple(each.spec for each in sources),
@@ -265,7 +273,7 @@ class Recipe(RecipeContents):
         )
 
     def _bodies(self, pools: SplitPools, people: int, draws: StratifiedDraws, seed: int) -> tuple[BodySpec, ...]:
-        """Different people, as far as the pool has them."""
+        """Different people: the pool has as many."""
         if pools.bodies is None:
             return tuple(
                 self._body(derived_seed(seed, index, "body"), draws, f"body {index} ") for index in range(people)
@@ -273,7 +281,7 @@ class Recipe(RecipeContents):
         found, left = [], pools.bodies
         for index in range(people):
             body = _member(left, draws.even(f"body {index}"))
-            left = left[left != body] if len(left) > 1 else pools.bodies
+            left = left[left != body]
             found.append(self._body_of_pool(pools.bodies, body, draws.group))
         return tuple(found)
 
@@ -339,6 +347,8 @@ def _places(tables: RecipeTables, sources: Iterable[Source], located: Any) -> tu
     for text in tables.places.values:
         with faults_of("places"):
             read.append(read_place(text, located))
+    with faults_of("places"):
+        check_names(read)
     return tuple(read)
 
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from rfgen_sionna.recipes.recipe_contents import RecipeContents
 from rfgen_sionna.recipes.recipe_error import faults_of
+from rfgen_sionna.recipes.recipe_places import scene_file
 from rfgen_sionna.recipes.recipe_sources import source_tables
 from rfgen_sionna.resources import available, resolve
-from rfgen_sionna.scene.load import available_scenes
 
 _TEXTS = (".toml", ".json", ".xml", ".gltf")
 """Endings of files that may name others."""
@@ -59,10 +59,9 @@ def _named(recipe: RecipeContents) -> Iterator[tuple[str, Path]]:
         for key, name in (("radar", radar.radar), ("board", radar.board)):
             if name is not None:
                 yield radar.path(key), _radar_file(name)
-    scenes = available_scenes()
     for number, place in enumerate(recipe.places):
         if place.kind == "scene":
-            scene = scenes.get(place.name, Path(place.name))
+            scene = scene_file(place)
             yield f"places[{number}]", scene
             if (beside := scene.with_suffix(".toml")).is_file():
                 yield f"places[{number}] {beside.suffix}", beside

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -26,6 +26,8 @@ class Place:
     """As :class:`~rfgen_sionna.recipes.RecordingSpec` has it."""
     kind: str
     """"none", "scene", "furnished" or "diffusion"."""
+    file: str | None = None
+    """Absolute path of a scene that the recipe gives by a file, whose `name` is that of the file."""
 
     @property
     def has_layouts(self) -> bool:
@@ -60,8 +62,20 @@ def read_place(text: str, located: Callable[[str], Path]) -> Place:
         source = "scene" if request.is_name or request.place is None else "furnished"
     source = chosen_source(source, request, ImageOptions())
     if source == "scene":
-        return Place(str(request.given or request.scene), source)
+        return Place(Path(text).name, source, text) if request.given else Place(request.scene, source)
     return Place(f"{source}: {request.place if source == 'furnished' else request.text}", source)
+
+
+def check_names(places: Iterable[Place]) -> None:
+    """ValueError if two scenes have one name: recordings know their place by it, wherever the file lies."""
+    known: dict[str, Place] = {}
+    for place in places:
+        first = known.setdefault(place.name, place)
+        if place.kind == "scene" and scene_file(first).resolve() != scene_file(place).resolve():
+            raise ValueError(
+                f"'{place.file}' and '{first.file}' are both named '{place.name}': rename one of the files, as "
+                "recordings have the names of their places without folders"
+            )
 
 
 def prompted_place(surroundings: str) -> Place:
@@ -74,6 +88,11 @@ def prompted_place(surroundings: str) -> Place:
     return Place(f"furnished: {request.place}", "furnished")
 
 
+def scene_file(place: Place) -> Path:
+    """File of a scene."""
+    return available_scenes()[place.name] if place.file is None else Path(place.file)
+
+
 @lru_cache(maxsize=64)
 def interiors(place: Place, seeds: tuple[int, ...]) -> tuple[Interior, ...]:
     """Free space of the first layouts of a place with these seeds, or of its scene; empty where it is not bounded."""
@@ -81,7 +100,7 @@ def interiors(place: Place, seeds: tuple[int, ...]) -> tuple[Interior, ...]:
         found = [furnished(place.name.partition(":")[2].strip(), seed).interior for seed in seeds[:CHECKED_LAYOUTS]]
         return tuple(each for each in found if each is not None)
     if place.kind == "scene":
-        path = available_scenes().get(place.name, Path(place.name))
+        path = scene_file(place)
         one = read_interior(path.with_suffix(".toml"))
         return () if one is None else (one,)
     return ()

@@ -80,7 +80,7 @@ class RecordingSpec:
     motion_seed: int
     """Seed of the motions, and of what the words leave open."""
     place: str
-    """Surroundings, as of :func:`~rfgen_sionna.pipeline.generate`; `FREE_SPACE` is none."""
+    """Surroundings, as of :func:`~rfgen_sionna.pipeline.generate`; of a scene's file its name; `FREE_SPACE` is none."""
     place_seed: int
     """Seed of the furniture of a place."""
     bodies: tuple[BodySpec, ...]
@@ -121,6 +121,8 @@ class RecordingSpec:
     """Field of view of stored images [degrees]; None is the default."""
     keep: tuple[str, ...] = DEFAULT_KEEP
     """What is kept."""
+    place_file: str | None = None
+    """Absolute path of a scene that a file gives, on this machine: no recording stores it."""
 
     @property
     def name(self) -> str:
