@@ -53,6 +53,10 @@ WAVES = 'count = 20\nprompts = "a person waves"\nradar = "awr1843"\npreset = "mm
         (WAVES.replace("person", "tall man") + 'bodies = {gender = "female"}', "says the gender, too"),
         (WAVES + "bodies = {height_m = {grid = [1.6, 1.8]}}", "bodies.height_m is a grid"),
         (
+            WAVES + 'people = 2\nbodies = {pool = 3}\nsplits = {shares = {a = 0.5, b = 0.5}, by = ["body"]}',
+            "bodies.pool is 3: split 'b' has 1 of them, and recordings have 2 people",
+        ),
+        (
             WAVES + 'bodies = {pool = 2}\nsplits = {shares = {a = 0.5, b = 0.3, c = 0.2}, by = ["body"]}',
             "bodies.pool is 2, and splits.by has 'body': 2 for 3 splits",
         ),
