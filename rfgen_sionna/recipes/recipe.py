@@ -21,7 +21,7 @@ from rfgen_sionna.recipes.recipe_checks import check_recipe
 from rfgen_sionna.recipes.recipe_contents import RecipeContents
 from rfgen_sionna.recipes.recipe_error import RecipeError, faults_of
 from rfgen_sionna.recipes.recipe_files import file_digests
-from rfgen_sionna.recipes.recipe_places import Place, prompted_place, read_place
+from rfgen_sionna.recipes.recipe_places import Place, check_names, prompted_place, read_place
 from rfgen_sionna.recipes.recipe_sources import Source, changes_freely, check_file, read_source, source_tables
 from rfgen_sionna.recipes.recipe_tables import MAX_COUNT, RecipeTables
 from rfgen_sionna.recipes.recipe_text import MAX_BYTES, raise_faults, read_tables
@@ -250,6 +250,7 @@ class Recipe(RecipeContents):
             seed=seed("noise"),
             motion_seed=motion_seed,
             place=place.name,
+            place_file=place.file,
             place_seed=place_seed,
             bodies=self._bodies(pools, sum(each.people for each in sources), draws, seed("bodies")),
             sources=tuple(each.spec for each in sources),
@@ -346,6 +347,8 @@ def _places(tables: RecipeTables, sources: Iterable[Source], located: Any) -> tu
     for text in tables.places.values:
         with faults_of("places"):
             read.append(read_place(text, located))
+    with faults_of("places"):
+        check_names(read)
     return tuple(read)
 
 
