@@ -59,8 +59,7 @@ class BuildingFolder:
         handle = self._locked_handle()
         try:
             self._remove_leftovers()
-            for table in _TABLES:
-                self._with_state(f"CREATE TABLE IF NOT EXISTS {table}")
+            self._open_state()
             yield
         finally:
             os.close(handle)
@@ -90,6 +89,21 @@ class BuildingFolder:
                 path.unlink(missing_ok=True)
         for path in (*self.output.glob(".shard-*.tmp"), *self.output.glob(".*.tmp")):
             path.unlink(missing_ok=True)
+
+    def _open_state(self) -> None:
+        """Make the tables; a state that is damaged is begun anew, which costs a reading of the shards."""
+        try:
+            self._make_tables()
+        except sqlite3.OperationalError:  # a full disk, for instance
+            raise
+        except sqlite3.DatabaseError:
+            for path in self.path.glob("state.sqlite*"):
+                path.unlink(missing_ok=True)
+            self._make_tables()
+
+    def _make_tables(self) -> None:
+        for table in _TABLES:
+            self._with_state(f"CREATE TABLE IF NOT EXISTS {table}")
 
     def _with_state(self, statement: str, values: Sequence[object] = ()) -> list[tuple[Any, ...]]:
         with closing(sqlite3.connect(self.path / "state.sqlite", timeout=30.0)) as base, base:

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from rfgen_sionna.recipes.making import recording_plans
+from rfgen_sionna.recipes.making import IMPOSSIBLE, recording_plans
 from rfgen_sionna.recipes.partitions import stream
 from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.recording_spec import RecordingSpec
@@ -101,7 +101,7 @@ def _first_that_can_be(recipe: Recipe, spec: RecordingSpec) -> tuple[RecordingSp
         try:
             again = recipe.recording(spec.number, attempt)
             return again, list(recording_plans(again).values())
-        except ValueError:
+        except IMPOSSIBLE:
             if attempt == recipe.tables.attempts - 1:
                 raise
     raise AssertionError("unreachable")

@@ -54,7 +54,8 @@ class RecordingJob:
                 attempt = make_with_attempts(self.recipe, number, made, self.device).attempt
                 publish(made, self.folder / part_name(number))
             except Exception as error:
-                kind, attempt = _kind(error), max(0, self.recipe.tables.attempts - 1)
+                kind = _kind(error)
+                attempt = max(0, self.recipe.tables.attempts - 1) if kind == "impossible" else 0
                 reason = str(error) if kind == "impossible" else f"{type(error).__name__}: {error}"
                 shutil.rmtree(own, ignore_errors=True)
                 if kind == "error":

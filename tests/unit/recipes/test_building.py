@@ -295,6 +295,15 @@ def test_a_shard_that_was_begun_to_be_noted_is_written_again(build: Any, tmp_pat
     assert contents(tmp_path / "set") == contents(tmp_path / "whole")
 
 
+def test_a_damaged_state_of_a_build_is_begun_anew(build: Any, tmp_path: Path) -> None:
+    build(tmp_path / "whole")
+    with suppress(KeyboardInterrupt):
+        build(tmp_path / "set", engine=EndingEngine(5))
+    (tmp_path / "set" / BUILDING / "state.sqlite").write_bytes(b"no data base" * 1000)
+    assert build(tmp_path / "set").made == COUNT - 5  # the shard has the digests of its recordings
+    assert contents(tmp_path / "set") == contents(tmp_path / "whole")
+
+
 def test_a_full_disk_at_a_resume_leaves_the_recipe(build: Any, tmp_path: Path, monkeypatch: Any) -> None:
     with suppress(KeyboardInterrupt):
         build(tmp_path / "set", engine=EndingEngine(2))
@@ -343,7 +352,8 @@ def test_an_unfinished_build_is_resumed_and_not_repaired(build: Any, tmp_path: P
 def test_the_lock_of_an_ended_build_is_none(build: Any, tmp_path: Path, recipe: Recipe, monkeypatch: Any) -> None:
     """A driver waits at the lock while the other one ends and removes its folder."""
     state = BuildingFolder(tmp_path, SetFacts.of(recipe))
-    lock, ended = building_folder._lock, []
+    lock = building_folder._lock
+    ended: list[bool] = []
 
     def ends(*arguments: Any) -> None:
         lock(*arguments)
