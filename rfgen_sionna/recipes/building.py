@@ -5,6 +5,7 @@ A recording's bits depend on the recipe and its number alone. An interrupted bui
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import shutil
 import time
@@ -312,8 +313,10 @@ def _check_unchanged(state: BuildingFolder) -> None:
     if not begun:
         with suppress(OSError, ValueError):
             begun = dict(read_index(state.output).meta)
+            if read_sums(state.output).get(RECIPE) != hashlib.sha256(state.facts.text.encode()).hexdigest():
+                begun["recipe"] = ""  # not this one
     if state.facts.changes(begun) and _is_ended(state):  # nothing will be made
-        begun = {key: value for key, value in begun.items() if key == "recipe_digest"}
+        begun = {key: value for key, value in begun.items() if key in ("recipe", "recipe_digest")}
     state.facts.check_unchanged(state.output, begun)
 
 

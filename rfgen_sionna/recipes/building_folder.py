@@ -131,7 +131,7 @@ class BuildingFolder:
 
     def note_facts(self) -> None:
         """Note what a new build is begun with."""
-        for name, value in self.facts.meta.items():
+        for name, value in self.facts.attributes.items():
             self._with_state("INSERT OR IGNORE INTO facts VALUES (?, ?)", (name, value))
 
     def mark(self, unfinished: bool) -> None:

@@ -74,7 +74,9 @@ class SetFacts:
     def changes(self, begun: Mapping[str, str]) -> list[str]:
         """What is other than in the facts that a set was begun with, in words; its recordings would be others, too."""
         found = []
-        if begun.get("recipe_digest", self.digest) != self.digest:
+        if begun.get("recipe", self.text) != self.text:
+            found.append(f"{RECIPE} was edited")
+        elif begun.get("recipe_digest", self.digest) != self.digest:
             found.append("a file that the recipe names (mesh, clip, radar, receiver or scene) has other contents")
         if (device := begun.get("device", self.device)) != self.device:
             found.append(f"the device is {self.device} instead of {device} (gpus_per_worker, --gpus-per-worker)")

@@ -375,6 +375,21 @@ def test_the_ends_of_a_recipes_lines_are_no_matter(balls: Any, tmp_path: Path) -
     assert SetFacts.of(crlf).text == (folder / "recipe.toml").read_bytes().decode()
 
 
+@pytest.mark.parametrize("edit", [("seed = 5", "seed = 6"), ("balls", "other balls")])
+@pytest.mark.parametrize("engine", [EndingEngine(4), CrashingEngine()], ids=["interrupted", "with a failure"])
+def test_a_recipe_that_was_edited_in_its_set_continues_no_build(
+    build: Any, recipe: Recipe, tmp_path: Path, edit: tuple[str, str], engine: Any
+) -> None:
+    with suppress(KeyboardInterrupt):
+        build(tmp_path / "set", engine=engine)
+    stored = tmp_path / "set" / "recipe.toml"
+    stored.write_text(stored.read_text().replace(*edit, 1))
+    edited = replace(recipe, text=stored.read_text())
+    edited.__dict__.update(recordings_per_shard=3, digest=recipe.digest)
+    with pytest.raises(OutputError, match=r"recipe\.toml was edited"):
+        build_dataset(edited, tmp_path / "set", resume=True)
+
+
 @pytest.mark.parametrize("options", [{"workers": 0}, {"engine": "slurm"}, {"order": "sideways"}])
 def test_a_wrong_argument_leaves_nothing(tmp_path: Path, options: Any) -> None:
     recipe = write_small_recipe(tmp_path / "recipe")
