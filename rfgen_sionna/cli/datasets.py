@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -154,7 +156,9 @@ def build(
     from rfgen_sionna.recipes.building import build_dataset
 
     options: dict[str, Any] = {"engine": engine, "address": address, "gpus_per_worker": gpus_per_worker}
-    _report(build_dataset(recipe, output, workers=workers, order=order, progress=True, **options))  # type: ignore[arg-type]
+    with _continued_later(output):
+        report = build_dataset(recipe, output, workers=workers, order=order, progress=True, **options)  # type: ignore[arg-type]
+    _report(report)
 
 
 @datasets.command(epilog=_RESUME)
@@ -172,7 +176,9 @@ def resume(
 
     options: dict[str, Any] = {"engine": engine, "address": address, "gpus_per_worker": gpus_per_worker}
     read = recipe_of_set(folder, recipe)
-    _report(build_dataset(read, folder, workers=workers, resume=True, progress=True, **options))
+    with _continued_later(folder):
+        report = build_dataset(read, folder, workers=workers, resume=True, progress=True, **options)
+    _report(report)
 
 
 @datasets.command(epilog=_VERIFY)
@@ -244,6 +250,16 @@ def export(
     with progress("recordings") as step:
         written = export_dataset(folder, output, format, split=split, overwrite=overwrite, progress=step)
     report_written(written)
+
+
+@contextmanager
+def _continued_later(folder: Path) -> Iterator[None]:
+    """Context of a build that says at ^C how it goes on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        err.print(f"stopped; rfgen dataset resume {escape(str(folder))} makes the rest", soft_wrap=True)
+        raise
 
 
 def _report(report: BuildReport) -> None:

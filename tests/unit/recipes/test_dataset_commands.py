@@ -40,6 +40,17 @@ def rfgen(*arguments: Any) -> tuple[int, str]:
     return done.exit_code, " ".join((done.output + error).split())
 
 
+def test_a_build_that_is_stopped_says_how_it_goes_on(made: Any, tmp_path: Path, monkeypatch: Any) -> None:
+    def stopped(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rfgen_sionna.recipes.building.build_dataset", stopped)
+    for arguments in (("build", made[0], tmp_path / "set"), ("resume", made[1])):
+        code, said = rfgen(*arguments)
+        assert code != 0
+        assert f"rfgen dataset resume {arguments[-1]} makes the rest" in said
+
+
 def test_verify_names_each_damage_and_repair_mends_it(made: Any) -> None:
     _, folder = made
     assert rfgen("verify", folder) == (0, f"whole: all files of {folder} are as they were written")
