@@ -69,7 +69,10 @@ class RecordingSet(ShortRepr):
         if not path.is_file():
             return ""
         if file_digest(path) != read_sums(self.folder).get(path.name):
-            raise ChecksumError(f"'{path}' is damaged: its checksum is not that in {SUMS}")
+            raise ChecksumError(
+                f"'{path}' is damaged: its checksum is not that in {SUMS}; `rfgen dataset repair {self.folder}` writes "
+                "it again"
+            )
         return path.read_text(encoding="utf-8")
 
     def __len__(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,11 @@ import pytest
 from rfgen_sionna.dataset import RunFormatError, open_dataset
 from rfgen_sionna.dataset.checksums import damaged
 from rfgen_sionna.dataset.store import OutputError
-from rfgen_sionna.recipes.augmentation import Variant, augment_dataset
+from rfgen_sionna.recipes import augmentation
+from rfgen_sionna.recipes.augmentation import Variant, augment_dataset, variants_of
 from rfgen_sionna.recipes.building import build_dataset
+from rfgen_sionna.recipes.building_folder import BuildingFolder, BusyError
+from rfgen_sionna.recipes.repairing import repair_dataset
 from tests.unit.recipes.small_recipes import write_small_recipe
 
 
@@ -27,6 +31,13 @@ def built(folder: Path, keep: str, count: int = 3) -> Path:
 @pytest.fixture(scope="module")
 def traced(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built(tmp_path_factory.mktemp("sets"), '["adc", "labels", "body", "paths"]')
+
+
+@pytest.fixture(scope="module")
+def derived(traced: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("derived") / "set"
+    augment_dataset(traced, folder, [Variant(seed=1)]).close()
+    return folder
 
 
 def test_variants_are_recordings_of_their_own_in_the_same_splits(traced: Path, tmp_path: Path) -> None:
@@ -51,17 +62,76 @@ def test_variants_are_recordings_of_their_own_in_the_same_splits(traced: Path, t
                 coherence = np.vdot(noise[first], noise[second]) / noise[0].size / levels[0] ** 2
                 assert abs(coherence) < 0.1
             np.testing.assert_array_equal(new[number + 3].labels["position"].values, recorded.labels["position"].values)
-            assert new.rows[number].spec["seed"] == 0
     assert damaged(tmp_path / "new") == []
-    assert not (tmp_path / "new" / ".augmenting").exists()
-    assert "other samples of its paths" in (tmp_path / "new" / "README.md").read_text(encoding="utf-8")
+    assert not (tmp_path / "new" / ".building").exists()
+    assert variants_of(tmp_path / "new") == variants
 
 
-def test_the_same_call_gives_the_same_bytes(traced: Path, tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        augment_dataset(traced, tmp_path / name, [Variant(seed=7)]).close()
-    for path in sorted((tmp_path / "a").glob("shard-*.h5")):
-        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+def test_a_seed_gives_every_recording_its_own_noise(traced: Path, tmp_path: Path) -> None:
+    """Noise of a test recording that is that of one in training would be known to a network."""
+    quiet = Variant(receiver={"adc": "none", "thermal_noise": False})
+    with augment_dataset(traced, tmp_path / "new", [Variant(seed=7), quiet]) as new:
+        seeds = [row.seed for row in new.rows[:3]]
+        assert len(set(seeds)) == 3
+        noise = [new[number].cube().data - new[number + 3].cube().data for number in range(3)]
+        for first, second in ((0, 1), (0, 2), (1, 2)):
+            norms = np.linalg.norm(noise[first]) * np.linalg.norm(noise[second])
+            assert abs(np.vdot(noise[first], noise[second])) / norms < 0.1
+
+
+def test_the_new_set_says_that_it_is_derived_and_from_what(traced: Path, derived: Path) -> None:
+    with open_dataset(traced) as old, open_dataset(derived) as new:
+        source = old.index.meta["recipe_digest"]
+        assert new.index.meta["derived"] == f"augmentation of the set of recipe {source}"
+        assert "derived" not in old.index.meta
+        assert new.index.meta["recordings"] == "3"
+    card = (derived / "README.md").read_text(encoding="utf-8")
+    assert "other samples of its paths" in card
+    assert f"Derived by augment_dataset from the stored paths of another set (SHA-256 of its recipe: {source})" in card
+    with pytest.raises(ValueError, match="is derived from no other set"):
+        variants_of(traced)
+
+
+def test_repair_needs_no_paths_for_what_holds_no_recordings(derived: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(derived, tmp_path / "new"))
+    whole = {path.name: path.read_bytes() for path in folder.iterdir() if path.name != ".verified"}
+    for names in (["README.md"], ["index.sqlite"], ["SHA256SUMS"], ["recipe.toml"], ["README.md", "index.sqlite"]):
+        for name in names:
+            (folder / name).write_bytes(whole[name][:-9] + b"something")
+        if "README.md" not in names:
+            with pytest.raises(ValueError, match="rfgen dataset repair"):
+                _ = open_dataset(folder).recipe_text
+        assert repair_dataset(folder, workers=1) is not None
+        assert {path.name: path.read_bytes() for path in folder.iterdir() if path.name != ".verified"} == whole
+
+
+def test_lost_recordings_are_made_again_from_their_set(traced: Path, derived: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(derived, tmp_path / "new"))
+    whole = {path.name: path.read_bytes() for path in folder.iterdir() if path.name != ".verified"}
+    shard = folder / "shard-00000.h5"
+    middle = len(whole[shard.name]) // 2
+    shard.write_bytes(whole[shard.name][:middle])
+    with pytest.raises(ValueError, match=r"derived from another set.*augment_dataset\(SOURCE, .*resume=True"):
+        repair_dataset(folder, workers=1)
+    with pytest.raises(OutputError, match="holds no set of this one and of these variants"):
+        augment_dataset(traced, folder, [Variant(seed=2)], resume=True)
+    variants = variants_of(folder)
+    shard.unlink()
+    augment_dataset(traced, folder, variants, resume=True).close()
+    assert {path.name: path.read_bytes() for path in folder.iterdir() if path.name != ".verified"} == whole
+
+
+def test_one_process_works_in_a_folder(traced: Path, tmp_path: Path) -> None:
+    with open_dataset(traced) as source:
+        state = BuildingFolder(tmp_path / "new", augmentation._facts(source, [Variant()], None, "cpu"))
+    with state.locked(), pytest.raises(BusyError, match="is being built by"):
+        augment_dataset(traced, tmp_path / "new", [Variant()])
+
+
+def test_the_same_call_gives_the_same_bytes(traced: Path, derived: Path, tmp_path: Path) -> None:
+    augment_dataset(traced, tmp_path / "new", [Variant(seed=1)], workers=2).close()
+    for path in sorted(derived.glob("[!.]*")):
+        assert path.read_bytes() == (tmp_path / "new" / path.name).read_bytes()
 
 
 def test_a_variant_may_have_another_preset(traced: Path, tmp_path: Path) -> None:
