@@ -45,7 +45,8 @@ def test_a_build_that_is_stopped_says_how_it_goes_on(made: Any, tmp_path: Path, 
         raise KeyboardInterrupt
 
     monkeypatch.setattr("rfgen_sionna.recipes.building.build_dataset", stopped)
-    for arguments in (("build", made[0], tmp_path / "set"), ("resume", made[1])):
+    recipe, folder = made
+    for arguments in (("build", recipe, tmp_path / "set"), ("resume", "--recipe", recipe, folder)):
         code, said = rfgen(*arguments)
         assert code != 0
         assert f"rfgen dataset resume {arguments[-1]} makes the rest" in said
