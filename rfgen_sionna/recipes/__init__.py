@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rfgen_sionna.recipes.augmentation import Variant, augment_dataset
+    from rfgen_sionna.recipes.augmentation import Variant, augment_dataset, variants_of
     from rfgen_sionna.recipes.building import BuildReport, build_dataset
     from rfgen_sionna.recipes.planning import DatasetPlan, plan_dataset
     from rfgen_sionna.recipes.recipe import Recipe
@@ -22,12 +22,13 @@ _HOME = {
     "Recipe": "recipe", "RecipeError": "recipe_error", "RecordingSpec": "recording_spec",
     "SourceSpec": "recording_spec", "Variant": "augmentation", "augment_dataset": "augmentation",
     "build_dataset": "building", "plan_dataset": "planning",
-    "repair_dataset": "repairing", "verify_dataset": "repairing",
+    "repair_dataset": "repairing", "variants_of": "augmentation", "verify_dataset": "repairing",
 }  # fmt: skip
 
 __all__ = [
     "BodySpec", "BuildReport", "DatasetPlan", "RadarSpec", "Recipe", "RecipeError", "RecordingSpec", "SourceSpec",
-    "Variant", "augment_dataset", "build_dataset", "plan_dataset", "repair_dataset", "verify_dataset",
+    "Variant", "augment_dataset", "build_dataset", "plan_dataset", "repair_dataset",
+    "variants_of", "verify_dataset",
 ]  # fmt: skip
 
 

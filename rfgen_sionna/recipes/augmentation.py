@@ -112,7 +112,7 @@ def augment_dataset(
         stored = target / RECIPE
         if there and not (stored.is_file() and stored.read_text(encoding="utf-8", errors="replace") == facts.text):
             raise OutputError(
-                f"output '{target}' holds no set of this one and of these variants: choose another folder"
+                f"output '{target}' holds no set of this one, these variants and keep: choose another one"
             )
         for variant in variants:
             for recording in source:

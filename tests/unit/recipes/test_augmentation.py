@@ -113,7 +113,7 @@ def test_lost_recordings_are_made_again_from_their_set(traced: Path, derived: Pa
     shard.write_bytes(whole[shard.name][:middle])
     with pytest.raises(ValueError, match=r"derived from another set.*augment_dataset\(SOURCE, .*resume=True"):
         repair_dataset(folder, workers=1)
-    with pytest.raises(OutputError, match="holds no set of this one and of these variants"):
+    with pytest.raises(OutputError, match="holds no set of this one, these variants and keep"):
         augment_dataset(traced, folder, [Variant(seed=2)], resume=True)
     variants = variants_of(folder)
     shard.unlink()
