@@ -51,6 +51,8 @@ def _thousand(count: int, place: str | None = None) -> Any:
     """The recipe of a thousand recordings with another count, of all places or of one."""
     text = (RECIPES / "thousand.toml").read_text(encoding="utf-8")
     text = re.sub(r"^count = .*$", f"count = {count}", text, flags=re.M)
+    if count < 100:  # too few for three splits
+        text = re.sub(r"^shares = .*$", "shares = {train = 1.0}", text, flags=re.M)
     if place is not None:
         text = re.sub(r"^places = .*$", f"places = {json.dumps(place)}", text, flags=re.M)
     return _recipe(text)
