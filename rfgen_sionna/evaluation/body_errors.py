@@ -16,6 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.evaluation.controlled_metric import ControlledMetric, with_controls
 
+_ORTHOGONAL = 1e-3
+"""Largest difference of a rotation matrix times its transpose from 1."""
+
 
 @dataclass(frozen=True)
 class BodyEstimates:
@@ -69,18 +72,37 @@ def compare_bodies(
 
 
 def mean_distance(first: ArrayLike, second: ArrayLike) -> float:
-    """Mean Euclidean distance of points (..., 3)."""
-    return float(np.linalg.norm(np.asarray(first) - np.asarray(second), axis=-1).mean())
+    """Mean Euclidean distance of points (..., 3), in their unit; other shapes are a ValueError."""
+    a, b = _alike("points", first, second, (3,))
+    return float(np.linalg.norm(a - b, axis=-1).mean())
 
 
 def mean_rotation_angle(first: ArrayLike, second: ArrayLike) -> float:
-    """Mean angle between rotation matrices (..., 3, 3) [degrees]."""
-    a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    """Mean angle between rotation matrices (..., 3, 3) [degrees]; other matrices or shapes are a ValueError."""
+    a, b = _alike("rotations", first, second, (3, 3))
+    for matrix in (a, b):
+        error = np.abs(matrix @ np.swapaxes(matrix, -1, -2) - np.eye(3)).max()
+        if not error < _ORTHOGONAL:
+            raise ValueError(
+                f"matrices times their transposes differ from 1 by {error:.3g}: rotation matrices are needed"
+            )
     # |A - B| = 2 sqrt(2) sin(angle / 2), which is exact for small angles, too
     chord = np.linalg.norm(a - b, axis=(-2, -1)) / (2 * np.sqrt(2))
     return float(np.degrees(2 * np.arcsin(np.minimum(chord, 1.0))).mean())
 
 
 def accuracy(first: ArrayLike, second: ArrayLike) -> float:
-    """Share of equal classes."""
-    return float(np.mean(np.asarray(first) == np.asarray(second)))
+    """Share of equal classes (...); different shapes are a ValueError."""
+    a, b = np.asarray(first), np.asarray(second)
+    if a.shape != b.shape or not a.size:
+        raise ValueError(f"classes have shapes {a.shape} and {b.shape}: one shape is needed")
+    return float(np.mean(a == b))
+
+
+def _alike(name: str, first: ArrayLike, second: ArrayLike, last: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
+    """Both as arrays of one shape that ends with `last`."""
+    a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    if a.shape != b.shape or a.shape[-len(last) :] != last or not a.size:
+        wanted = ", ".join(("...", *map(str, last)))
+        raise ValueError(f"{name} have shapes {a.shape} and {b.shape}: one shape ({wanted}) is needed")
+    return a, b

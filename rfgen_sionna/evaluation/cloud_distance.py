@@ -46,19 +46,27 @@ def compare_clouds(
 
 
 def hausdorff_distance(first: ArrayLike, second: ArrayLike) -> float:
-    """Largest distance of a point of either cloud (point, 3) from the nearest of the other [m]."""
+    """Largest distance of a point of either cloud (point, 3) from the nearest of the other [m].
+
+    A cloud without points, or with some that are not finite, is a ValueError.
+    """
     there, back = _nearest(first, second)
     return float(max(there.max(), back.max()))
 
 
 def chamfer_distance(first: ArrayLike, second: ArrayLike) -> float:
-    """Mean distance of the points of each cloud (point, 3) from the nearest of the other, mean of both ways [m]."""
+    """Mean distance of the points of each cloud (point, 3) from the nearest of the other, mean of both ways [m].
+
+    A cloud without points, or with some that are not finite, is a ValueError.
+    """
     there, back = _nearest(first, second)
     return float((there.mean() + back.mean()) / 2)
 
 
 def _nearest(first: ArrayLike, second: ArrayLike) -> tuple[FloatArray, FloatArray]:
     a, b = _cloud("first", first), _cloud("second", second)
+    if a.shape[1] != b.shape[1]:
+        raise ValueError(f"points have {a.shape[1]} and {b.shape[1]} coordinates: as many are needed")
     return np.asarray(cKDTree(b).query(a)[0]), np.asarray(cKDTree(a).query(b)[0])
 
 

@@ -39,7 +39,8 @@ def compare_statistics(
     ValueError
         For clouds without frames or points.
     """
-    for name, clouds in {"reference": reference, "candidate": candidate, **controls}.items():
+    others = {f"control {name!r}": clouds for name, clouds in controls.items()}
+    for name, clouds in {"reference": reference, "candidate": candidate, **others}.items():
         if not len(clouds.counts) or not len(clouds.level_db) or len(clouds.level_db) != len(clouds.doppler_bin):
             raise ValueError(
                 f"{name} has {len(clouds.counts)} frames, {len(clouds.level_db)} levels and "

@@ -23,7 +23,10 @@ class DopplerCourse:
 
 
 def course_of_spectra(power: ArrayLike, velocity: ArrayLike) -> DopplerCourse:
-    """Course of Doppler spectra: `power` (frame, velocity) on the axis `velocity` (velocity,) [m/s]."""
+    """Course of Doppler spectra: `power` (frame, velocity) in any unit, on the axis `velocity` (velocity,) [m/s].
+
+    Other shapes, and powers that are negative or not finite, are a ValueError.
+    """
     weight, speed = np.asarray(power, np.float64), np.asarray(velocity, np.float64)
     if weight.ndim != 2 or weight.shape[1:] != speed.shape or np.any(weight < 0) or not np.all(np.isfinite(weight)):
         raise ValueError(
@@ -33,7 +36,10 @@ def course_of_spectra(power: ArrayLike, velocity: ArrayLike) -> DopplerCourse:
 
 
 def course_of_points(frame: ArrayLike, velocity: ArrayLike, weight: ArrayLike, frames: int) -> DopplerCourse:
-    """Course of a point cloud: number of the frame, velocity [m/s] and power of each point, and number of frames."""
+    """Course of a point cloud, (point,) each: number of the frame, velocity [m/s], power; and the number of frames.
+
+    Other shapes, and numbers of frames beyond `frames`, are a ValueError.
+    """
     number, speed, power = np.asarray(frame), np.asarray(velocity, np.float64), np.asarray(weight, np.float64)
     if not number.shape == speed.shape == power.shape or (
         len(number) and not 0 <= number.min() <= number.max() < frames
@@ -58,7 +64,8 @@ def compare_courses(
     "centroid_rms" and "spread_rms" [m/s], and "centroid_slope", the distance of the least-squares slope of reference on
     candidate from 1.
 
-    The candidate shifted in time by `shift` frames, by default by a half of them, is a control of every call.
+    The candidate shifted in time by `shift` frames, by default by a half of them, is a control of every call. Fewer
+    than 2 frames that both have, and courses of other lengths, are a ValueError.
     """
     others = dict(controls or {})
     others["shifted in time"] = DopplerCourse(

@@ -18,10 +18,20 @@ from rfgen_sionna.evaluation.controlled_metric import ControlledMetric, with_con
 def compare_features(
     reference: ArrayLike, candidate: ArrayLike, controls: Mapping[str, ArrayLike], *, standardise: bool = True
 ) -> ControlledMetric:
-    """Fréchet distance of features (sample, feature), with controls.
+    """Fréchet distance of features, with controls.
 
-    With `standardise`, features are divided by their standard deviation in the reference; those constant there are
-    left out.
+    Parameters
+    ----------
+    reference, candidate, controls
+        Features (sample, feature), at least 2 samples each.
+    standardise
+        Whether features are divided by their standard deviation in the reference, where those that are constant are
+        left out; the distance is then in standard deviations.
+
+    Raises
+    ------
+    ValueError
+        For other shapes or numbers of features, features that are not finite, or a reference without any that varies.
     """
     base = _features("reference", reference)
     scale = base.std(axis=0)
@@ -41,8 +51,13 @@ def compare_features(
 
 
 def frechet_distance(first: ArrayLike, second: ArrayLike) -> float:
-    """Square root of |m1 - m2|² + tr(C1 + C2 - 2 (C1^½ C2 C1^½)^½) of two sets (sample, feature), in their unit."""
+    """Square root of |m1 - m2|² + tr(C1 + C2 - 2 (C1^½ C2 C1^½)^½) of two sets (sample, feature), in their unit.
+
+    Fewer than 2 samples, other numbers of features, and features that are not finite are a ValueError.
+    """
     a, b = _features("first", first), _features("second", second)
+    if a.shape[1] != b.shape[1]:
+        raise ValueError(f"samples have {a.shape[1]} and {b.shape[1]} features: as many are needed")
     one, two = np.atleast_2d(np.cov(a, rowvar=False)), np.atleast_2d(np.cov(b, rowvar=False))
     root = _root(one)
     cross = np.sqrt(np.maximum(np.linalg.eigvalsh(root @ two @ root), 0.0)).sum()

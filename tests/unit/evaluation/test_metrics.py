@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,11 +11,12 @@ from hypothesis import strategies as st
 from scipy.linalg import sqrtm
 from scipy.spatial.distance import cdist, directed_hausdorff
 from scipy.spatial.transform import Rotation
-from scipy.stats import pearsonr, wasserstein_distance
+from scipy.stats import linregress, pearsonr, wasserstein_distance
 
 from rfgen_sionna.evaluation import (
     BodyEstimates,
     CloudStatistics,
+    DopplerCourse,
     chamfer_distance,
     compare_bodies,
     compare_clouds,
@@ -28,7 +31,9 @@ from rfgen_sionna.evaluation import (
     shifted_in_time,
     with_controls,
 )
+from rfgen_sionna.evaluation.body_errors import accuracy, mean_distance, mean_rotation_angle
 from rfgen_sionna.evaluation.cloud_statistics import total_variation
+from rfgen_sionna.evaluation.doppler_course import correlation, slope
 
 
 @pytest.fixture
@@ -152,6 +157,58 @@ def test_courses_equal_scipy_and_their_shift_is_a_control(rng: np.random.Generat
         pearsonr(first.centroid[both], shifted[both])[0]
     )
     assert found["centroid_correlation"].margin > 0.5
+
+
+def test_slopes_and_spreads_equal_scipy(rng: np.random.Generator) -> None:
+    first, second = (DopplerCourse(rng.normal(size=40), rng.uniform(size=40)) for _ in range(2))
+    found = compare_courses(first, second, {"other": DopplerCourse(-first.centroid, first.spread[::-1])})
+    slope = linregress(second.centroid, first.centroid).slope
+    assert found["centroid_slope"].value == pytest.approx(abs(slope - 1))
+    assert found["centroid_slope"].controls["other"] == pytest.approx(2.0)
+    assert found["spread_correlation"].value == pytest.approx(pearsonr(first.spread, second.spread)[0])
+    assert found["spread_rms"].value == pytest.approx(np.sqrt(np.mean((first.spread - second.spread) ** 2)))
+    assert found["centroid_correlation"].controls["other"] == pytest.approx(-1.0)
+    assert set(found["spread_rms"].controls) == {"other", "shifted in time"}
+
+
+def test_series_that_have_no_correlation_or_slope() -> None:
+    assert np.isnan(correlation([1.0, 1.0, 1.0], [1.0, 2.0, 3.0]))
+    assert np.isnan(slope([1.0, 2.0, 3.0], [1.0, 1.0, 1.0]))
+    with pytest.raises(ValueError, match="1 frames have values in both series"):
+        correlation([1.0, np.nan, 1.0], [np.nan, 2.0, 3.0])
+    with pytest.raises(ValueError, match=r"series have shapes \(2,\) and \(3,\)"):
+        slope([1.0, 2.0], [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: course_of_spectra(np.ones((3, 4)), np.ones(5)), r"power has shape \(3, 4\) and velocity \(5,\)"),
+        (lambda: course_of_spectra(-np.ones((3, 4)), np.ones(4)), "finite powers"),
+        (lambda: course_of_points([0, 3], [1.0, 1.0], [1.0, 1.0], 3), "for 3 frames"),
+        (lambda: course_of_points([0], [1.0, 1.0], [1.0, 1.0], 3), "one value a point"),
+        (lambda: hausdorff_distance(np.empty((0, 3)), np.ones((1, 3))), "first has shape"),
+        (lambda: chamfer_distance(np.ones((1, 3)), [[0.0, np.nan, 0.0]]), "at least one finite point"),
+        (lambda: chamfer_distance(np.ones((1, 3)), np.ones((1, 2))), "points have 3 and 2 coordinates"),
+        (lambda: frechet_distance(np.ones((1, 3)), np.ones((4, 3))), "at least 2 samples"),
+        (lambda: frechet_distance(np.ones((4, 2)), np.ones((4, 3))), "2 and 3 features"),
+        (lambda: compare_features(np.eye(3), np.eye(4), {}), "candidate has 4 features, the reference 3"),
+        (lambda: compare_images(np.ones((8, 8)), np.ones((8, 8)), {}, dynamic_range_db=0), "dynamic_range_db is 0"),
+        (lambda: accuracy(["a", "b"], ["a"]), r"classes have shapes \(2,\) and \(1,\)"),
+        (lambda: mean_distance(np.ones((4, 3)), np.ones(3)), r"points have shapes \(4, 3\) and \(3,\)"),
+        (lambda: mean_rotation_angle(np.ones((4, 3)), np.ones((4, 3))), r"rotations have shapes \(4, 3\)"),
+        (lambda: mean_rotation_angle(np.eye(3), 2 * np.eye(3)), "rotation matrices are needed"),
+    ],
+)
+def test_what_no_metric_takes_is_named(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_clouds_without_points_have_no_statistics() -> None:
+    some = CloudStatistics(np.ones(2), np.ones(3), np.ones(3))
+    with pytest.raises(ValueError, match="control 'none' has 2 frames, 0 levels and 0 Doppler bins"):
+        compare_statistics(some, some, {"none": CloudStatistics(np.ones(2), np.empty(0), np.empty(0))})
 
 
 def test_statistics_equal_scipy(rng: np.random.Generator) -> None:
