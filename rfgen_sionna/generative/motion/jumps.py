@@ -20,6 +20,10 @@ _LOWEST = 0.05
 """Height of the smallest jump of a mean adult [m]; it flies 0.2 s."""
 _LEANING = 0.2
 """Height of the lowest jump of a mean adult with the whole lean of the trunk in its dip [m]."""
+_ON_FLOOR = 0.3
+"""Time of dip, landing and rest of the quickest jumps that end in standing [s]."""
+_CONTACT = 0.2
+"""Shortest time on the floor between jumps that follow one another [s]."""
 
 
 def _airborne(tracks: MotionTracks, reach: float = 0.985) -> None:
@@ -75,6 +79,8 @@ def _leave_floor(
 def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Manner) -> None:
     """Repeated jumps: dip with the arms back, push off, fly, land softly, stand.
 
+    Where the rate leaves no time to stand, each landing is the next dip, in which the legs act as a spring.
+
     The centre of mass flies 0.08 to 0.3 m high; small jumps 0.05 m, as lower ones hardly leave the floor, and high
     ones 0.36 m.
     """
@@ -97,8 +103,13 @@ def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Mann
         rng.uniform(0.26, 0.36),
         rng.uniform(0.35, 0.6) / manner.pace,
     )
-    if manner.rate is not None:
-        free = max(60.0 / manner.rate - push - flight, 0.3)
+    rebound = manner.rate is not None and 60.0 / manner.rate - push - flight < _ON_FLOOR
+    if manner.rate is not None and rebound:
+        contact = max(60.0 / manner.rate - flight, _CONTACT)
+        dip, push, land, rest = 0.0, 0.5 * contact, 0.5 * contact, 0.0
+        depth = min(take_off * contact / np.pi, 0.3 * leg)
+    elif manner.rate is not None:
+        free = 60.0 / manner.rate - push - flight
         dip, land = min(dip, 0.4 * free), min(land, 0.4 * free)
         rest = free - dip - land
     tucked = rng.uniform(0.0, 0.06) * leg * effort**2
@@ -114,18 +125,20 @@ def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Mann
         a = clock
         b, c = a + dip * jitter, a + dip * jitter + push
         d = c + flight
-        e = d + land
+        e = d + land * (jitter if rebound else 1.0)
         f = e + rest * (rng.uniform(0.8, 1.3) if manner.rate is None else 1.0)
-        times += [a, b, c, c + take_off / GRAVITY, d, e, f]
-        z += [
-            [0.0, 0.0, 0.0],
-            [-depth, 0.0, 0.6 * GRAVITY],
-            [leave, take_off, -GRAVITY],
-            [leave + height, 0.0, -GRAVITY],
-            [touch, -landing, -GRAVITY],
-            [-0.75 * depth, 0.0, 0.3 * GRAVITY],
-            [0.0, 0.0, 0.0],
-        ]
+        flown = [[leave, take_off, -GRAVITY], [leave + height, 0.0, -GRAVITY], [touch, -landing, -GRAVITY]]
+        if rebound:  # half a swing of a spring from touch-down to take-off
+            times += [b, c, c + take_off / GRAVITY, d]
+            z += [[-depth, 0.0, 2.0 * depth / push**2], *flown]
+            arm_t += [b, c + 0.35 * flight]
+            arm += [-0.05, 0.15 * arms_up]
+        else:
+            times += [a, b, c, c + take_off / GRAVITY, d, e, f]
+            z += [[0.0, 0.0, 0.0], [-depth, 0.0, 0.6 * GRAVITY], *flown, [-0.75 * depth, 0.0, 0.3 * GRAVITY]]
+            z.append([0.0, 0.0, 0.0])
+            arm_t += [a + 0.06, b - 0.12, c + 0.35 * flight, e, f]
+            arm += [0.0, -0.6, arms_up, 0.1, 0.0]
         point = np.radians(50.0) * min(effort, 1.0)
         pitch_t += [b + 0.4 * push, c, c + 0.3 * flight, c + 0.75 * flight, d, d + 0.13]
         pitch += [
@@ -137,8 +150,6 @@ def jump(tracks: MotionTracks, rng: np.random.Generator, hand: str, manner: Mann
             [0.0, 0.0, 0.0],
         ]
         _leave_floor(lift_t, lift, c, d, take_off, landing, 0.045 * leg * min(effort, 1.0) ** 2, tucked)
-        arm_t += [a + 0.06, b - 0.12, c + 0.35 * flight, e, f]
-        arm += [0.0, -0.6, arms_up, 0.1, 0.0]
         airborne |= (t > c) & (t < d)
         clock = f
     tracks.pelvis[:, 2] += hermite(t, times, z)

@@ -284,6 +284,18 @@ def test_the_size_of_jumps_is_the_height_of_their_flights(action: str) -> None:
         assert rise(1.4, seed) > 0.25
 
 
+@pytest.mark.parametrize("rate", [110.0, 140.0])
+def test_quick_hops_follow_one_another(rate: float) -> None:
+    motion = perform("hop", 6.0, 0, manner=Manner(amplitude=0.4, rate=rate))
+    places = joint_places(motion)
+    up = places[:, FEET, 2].min(axis=1) > MEAN_ADULT.toe_height + 0.02
+    assert np.diff(up.astype(int)).clip(0).sum() == pytest.approx(rate / 10.0, abs=1.0)
+    pelvis = places[:, 0, 2]
+    apart = np.gradient(np.gradient(pelvis)) * motion.frame_rate**2
+    assert np.percentile(np.abs(apart), 95) < 3.5 * 9.81  # landing and push are one swing of a spring
+    assert np.ptp(pelvis[round(motion.frame_rate) :]) < 0.25
+
+
 def test_who_slips_lands_on_the_back_or_a_side() -> None:
     for seed in range(6):
         motion = perform("slip", 4.0, seed)
