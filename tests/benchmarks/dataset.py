@@ -98,7 +98,26 @@ def rates(folder: Path, count: int, workers: int) -> dict[str, Any]:
             found[f"{name}_per_hour_{number}"] = 3600 * count / seconds
     if workers > 1:
         found["times_as_quick"] = found[f"free_space_per_hour_{workers}"] / found["free_space_per_hour_1"]
+        found["machine_times_as_quick"] = machine_scaling(workers)
     return found
+
+
+def machine_scaling(workers: int, seconds: float = 10.0) -> float:
+    """Work of several processes of one thread over that of one, for Fourier transforms of a frame's size in memory."""
+    work = (
+        "import sys, time, numpy as np\n"
+        "cube = np.ones((64, 12, 64, 256), np.complex64); count, end = 0, time.monotonic() + float(sys.argv[1])\n"
+        "while time.monotonic() < end: np.fft.fft(cube[count % 64]).sum(); count += 1\n"
+        "print(count)"
+    )
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+    def count(processes: int) -> int:
+        command = [sys.executable, "-c", work, str(seconds)]
+        running = [subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) for _ in range(processes)]
+        return sum(int(each.communicate()[0]) for each in running)
+
+    return count(workers) / count(1)
 
 
 def engines(folder: Path, count: int) -> dict[str, Any]:
