@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.processing.array_namespace import complex_type, constant
 from rfgen_sionna.processing.multiplexing import ComplexChannels, decoder, entry_times
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def compensate_tdm(channels: ComplexChannels, radar: Radar, velocity: ArrayLike)
     Parameters
     ----------
     channels
-        (..., tx, rx) values of one Doppler bin each, with the axis "tx" of
+        (..., tx, rx) values of one Doppler bin each, an array or a tensor, with the axis "tx" of
         :func:`~rfgen_sionna.processing.spectrum.range_doppler`; the result has the Tx elements of the radar.
     velocity
         (...) radial velocity [m/s] of that bin, positive receding. Multiples of `2 radar.max_velocity` added to it are
@@ -60,11 +61,12 @@ def compensate_tdm(channels: ComplexChannels, radar: Radar, velocity: ArrayLike)
     """
     delay = entry_times(radar)
     frequency = 2 * np.asarray(velocity, np.float64) / radar.wavelength
-    turn = np.exp(-2j * np.pi * frequency[..., None] * delay).astype(channels.dtype, copy=False)
+    precision = complex_type(channels)
+    turn = np.exp(-2j * np.pi * frequency[..., None] * delay).astype(precision)
     # Entries are (velocity, tx, rx) or (..., tx, rx): the turn has an axis for each but the last.
-    turned = channels * turn[..., None]
+    turned: ComplexChannels = channels * constant(turn, channels)[..., None]
     matrix = decoder(radar)
-    return turned if matrix is None else np.matmul(matrix.astype(channels.dtype), turned)
+    return turned if matrix is None else constant(matrix.astype(precision), channels) @ turned
 
 
 @dataclass(frozen=True, repr=False)

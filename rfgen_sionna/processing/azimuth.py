@@ -11,8 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.processing.angle import compensate_tdm, steering, unit_vectors
+from rfgen_sionna.processing.array_namespace import array_namespace, as_type, complex_type, constant
 from rfgen_sionna.processing.demultiplex import as_beams
-from rfgen_sionna.processing.spectrum import Window, range_axis, range_doppler, taper
+from rfgen_sionna.processing.spectrum import (
+    Window,
+    check_cube,
+    range_axis,
+    range_doppler,
+    squared_magnitude,
+    taper,
+)
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
@@ -69,7 +77,7 @@ def range_azimuth(
     Parameters
     ----------
     cube
-        (..., chirp, tx, rx, sample).
+        (..., chirp, tx, rx, sample), an array, or a tensor of PyTorch, which has a power on its device.
     azimuth
         (azimuth,) [rad]; None takes 128 directions, even in their sine, within ±90°.
     max_range
@@ -84,18 +92,19 @@ def range_azimuth(
     maps = range_doppler(array, radar, range_window=range_window, correct_coupling=True, static=static)
     # At least one bin: the nearest.
     bins = len(maps.range) if max_range is None else max(1, int(np.searchsorted(maps.range, max_range, side="right")))
-    spectrum = np.moveaxis(maps.spectrum[..., :bins], -1, -4)
+    xp = array_namespace(array)
+    spectrum = xp.moveaxis(maps.spectrum[..., :bins], -1, -4)
     spectrum = compensate_tdm(spectrum, radar, maps.velocity)
     beams = steering(radar, unit_vectors(angles, 0.0)).conj() * row_weights(radar, array_window)
     used = row_weights(radar) > 0
     # One matrix product instead of one for each range bin.
-    chosen = spectrum[..., used]
-    matrix = np.ascontiguousarray(beams[:, used].T.astype(spectrum.dtype))
+    chosen = spectrum[..., constant(used, spectrum)]
+    matrix = constant(np.ascontiguousarray(beams[:, used].T.astype(complex_type(spectrum))), spectrum)
     beam = (chosen.reshape(-1, chosen.shape[-1]) @ matrix).reshape(*chosen.shape[:-1], len(angles))
     # Parseval: power of the bins of a windowed tone over its own power.
     chirps = array.shape[-4]
     spread = chirps * np.sum(np.square(taper("hann", chirps)))
-    power = np.sum(np.square(beam.real, dtype=np.float64) + np.square(beam.imag, dtype=np.float64), axis=-2) / spread
+    power = squared_magnitude(beam).sum(axis=-2) / spread
     return RangeAzimuth(power=power, range=maps.range[:bins], azimuth=angles)
 
 
@@ -120,16 +129,14 @@ def drai(cube: ArrayLike, radar: Radar, *, range_bins: int = 32, angle_bins: int
     Parameters
     ----------
     cube
-        (frame, chirp, tx, rx, sample).
+        (frame, chirp, tx, rx, sample), an array, or a tensor of PyTorch, which has images on its device.
 
     Raises
     ------
     ValueError
         For another number of axes or an invalid number of bins.
     """
-    array = np.asarray(cube)
-    if array.ndim != 5:
-        raise ValueError(f"cube has shape {array.shape}: the axes (frame, chirp, tx, rx, sample) are needed")
+    array = check_cube(cube, radar, frames=True, tensors=True)
     most = len(range_axis(radar, array.shape[-1])) if radar.waveform.slope else array.shape[-1]
     if not 1 <= range_bins <= most or angle_bins < 2:
         raise ValueError(
@@ -139,6 +146,5 @@ def drai(cube: ArrayLike, radar: Radar, *, range_bins: int = 32, angle_bins: int
     angle = np.arcsin((np.arange(angle_bins) + 0.5) * (2 / angle_bins) - 1)
     limit = (range_bins - 0.5) * radar.waveform.range_window / array.shape[-1]
     maps = [range_azimuth(frame, radar, azimuth=angle, max_range=limit, static=False) for frame in array]
-    return DynamicRangeAngle(
-        image=np.stack([item.power for item in maps]).astype(np.float32), range=maps[0].range, angle=angle
-    )
+    images = array_namespace(array).stack([item.power for item in maps])
+    return DynamicRangeAngle(image=as_type(images, "float32"), range=maps[0].range, angle=angle)

@@ -45,7 +45,7 @@ def select_slot(cube: ArrayLike, radar: Radar, slot: int) -> tuple[Samples, Rada
     The elements radiate one beam; its phase centre changes the phase of all returns alike. A ValueError is raised for
     an unknown slot, and for a radar without beams.
     """
-    array = check_cube(cube, radar)
+    array = check_cube(cube, radar, tensors=True)
     wave = radar.waveform
     if not wave.slots or wave.separated or uses_doppler_bands(radar):
         raise ValueError(f"preset '{radar.preset}' is multiplexed as '{wave.multiplexing}': it has no beams to select")
@@ -63,7 +63,7 @@ def select_slot(cube: ArrayLike, radar: Radar, slot: int) -> tuple[Samples, Rada
 
 def as_beams(cube: ArrayLike, radar: Radar) -> tuple[Samples, Radar]:
     """Cube and radar, with one Tx where all elements radiate one beam; several beams are a ValueError."""
-    array = check_cube(cube, radar)
+    array = check_cube(cube, radar, tensors=True)
     if radar.waveform.multiplexing != "beam":
         return array, radar
     if len(radar.waveform.slots) > 1:
@@ -85,7 +85,7 @@ def demultiplex(cube: ArrayLike, radar: Radar) -> tuple[Samples, Radar]:
     `cube`, of one profile, and result are (..., chirp, tx, rx, sample), the result with an entry of "tx" for each Tx
     element. The new radar has the same `max_velocity` and `velocity_resolution`. Several beams are a ValueError.
     """
-    array, radar = as_beams(cube, radar)
+    array, radar = as_beams(np.asarray(cube), radar)
     wave = radar.waveform
     if not wave.slots or wave.separated:
         return array, radar

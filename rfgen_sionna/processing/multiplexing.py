@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import ComplexArray, FloatArray
+from rfgen_sionna.processing.array_namespace import complex_type, constant
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar import Radar
@@ -51,7 +52,8 @@ def separate_bands(cube: Samples, radar: Radar) -> Samples:
     loops = cube.shape[-4]
     if len(weights) < loops:
         weights = np.resize(weights, (loops, weights.shape[1]))
-    return np.asarray(cube * weights[:loops, :, None, None].astype(np.result_type(cube.dtype, np.complex64)))
+    turns = constant(weights[:loops, :, None, None].astype(complex_type(cube)), cube)
+    return cube * turns
 
 
 def entry_times(radar: Radar) -> FloatArray:

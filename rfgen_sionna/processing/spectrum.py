@@ -21,7 +21,7 @@ velocity v is mu tau + 2 v fc / c, which moves its range bin to R + fc v / mu (r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,6 +30,16 @@ from scipy.signal import CZT, get_window, hilbert
 
 from rfgen_sionna._short_repr import ShortRepr
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.processing.array_namespace import (
+    array_namespace,
+    as_type,
+    complex_type,
+    constant,
+    fast_fourier,
+    is_tensor,
+    kind_of,
+    real_type,
+)
 from rfgen_sionna.processing.multiplexing import ComplexChannels, Samples, axis_lengths, occupied_bins, separate_bands
 
 if TYPE_CHECKING:
@@ -39,28 +49,33 @@ Window = str | tuple[str, float]
 """Name (or name and parameter) of :func:`scipy.signal.get_window`, for instance "hann"."""
 
 
-def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False) -> Samples:
-    """Cube (..., chirp, tx, rx, sample), with `frames` exactly (frame, chirp, tx, rx, sample), as an array.
+def check_cube(cube: ArrayLike, radar: Radar, *, frames: bool = False, tensors: bool = False) -> Samples:
+    """Cube (..., chirp, tx, rx, sample), with `frames` exactly (frame, chirp, tx, rx, sample), as an array; with
+    `tensors`, a tensor of PyTorch as it is.
 
     A wrong shape, complex samples for a real ADC or real ones for another, and samples that are not finite are a
     ValueError; other objects than arrays and radars are a TypeError.
     """
-    array = np.asarray(cube)
-    if array.dtype.kind == "O":
+    if isinstance(cube, list | tuple) and any(map(is_tensor, cube)):
+        raise TypeError(f"cube is a {type(cube).__name__} with tensors: one tensor is needed (torch.stack)")
+    array: Any = cube if tensors and is_tensor(cube) else np.asarray(cube)
+    kind = kind_of(array)
+    if kind == "O":
         raise TypeError(f"cube is a {type(cube).__name__}: its samples are needed (cube.data)")
     if not hasattr(radar, "waveform"):
         raise TypeError(f"radar is {radar!r}: a Radar is needed (Radar.load('awr1843'), or that of the capture)")
-    check_shape(array.shape, radar, frames=frames)
-    if radar.adc.real and array.dtype.kind != "f":
+    check_shape(tuple(array.shape), radar, frames=frames)
+    if radar.adc.real and kind != "f":
         raise ValueError(
             f"cube holds {array.dtype}: radar '{radar.name}' has a real ADC (adc.real), real floats are needed"
         )
-    if not radar.adc.real and array.dtype.kind != "c":
+    if not radar.adc.real and kind != "c":
         raise ValueError(
             f"cube holds {array.dtype}: complex (I + jQ) samples are needed; real ones need a radar with adc.real"
         )
-    if not np.all(np.isfinite(array)):
-        raise ValueError(f"cube holds {np.count_nonzero(~np.isfinite(array))} samples that are NaN or infinite")
+    finite = array_namespace(array).isfinite(array)
+    if not finite.all():
+        raise ValueError(f"cube holds {int((~finite).sum())} samples that are NaN or infinite")
     return array
 
 
@@ -94,15 +109,12 @@ def range_transform(array: Samples, radar: Radar, bins: int) -> ComplexChannels:
     """Tapered samples (..., sample), or their Doppler spectra, to bins of ascending range, for a downward ramp with
     reversed frequency."""
     if radar.waveform.slope == 0:
-        spectrum = array.sum(axis=-1, keepdims=True)
-        spectrum = spectrum.astype(np.result_type(spectrum.dtype, np.complex64), copy=False)
-    elif radar.waveform.slope < 0:
-        spectrum = fft.ifft(array, n=bins, axis=-1, norm="forward")
+        spectrum: Any = array.sum(axis=-1, keepdims=True) + 0j
     else:
-        spectrum = fft.fft(array, n=bins, axis=-1)
+        spectrum = fast_fourier(array, bins, -1, inverse=radar.waveform.slope < 0)
     if radar.adc.real:  # a tone has half its power at negative frequencies
-        spectrum = spectrum[..., : bins // 2 + 1] * np.sqrt(2, dtype=spectrum.real.dtype)
-    return np.asarray(spectrum)
+        spectrum = spectrum[..., : bins // 2 + 1] * 2**0.5
+    return spectrum
 
 
 def complex_samples(array: Samples, radar: Radar) -> Samples:
@@ -150,15 +162,15 @@ def remove_static(cube: ArrayLike, *, over: str = "frame") -> Samples:
     Parameters
     ----------
     cube
-        (frame, chirp, tx, rx, sample), or (chirp, tx, rx, sample) with `over="frame"`.
+        (frame, chirp, tx, rx, sample), or (chirp, tx, rx, sample) with `over="frame"`; an array or a tensor.
     over
         "frame": the mean of each frame, a notch at zero Doppler. "run": the mean over all frames, which keeps people
         who are static for a part of the run.
     """
-    array = np.asarray(cube)
+    array: Any = cube if is_tensor(cube) else np.asarray(cube)
     if array.ndim >= 4 and (over == "frame" or (over == "run" and array.ndim == 5)):
-        weights = taper("hann", array.shape[-4]).astype(array.real.dtype)
-        mean = np.einsum("c,...ctrs->...trs", weights, array)[..., None, :, :, :]
+        weights = constant(taper("hann", array.shape[-4]).astype(real_type(array)), array)
+        mean = (array * weights[:, None, None, None]).sum(axis=-4, keepdims=True)
         return array - (mean if over == "frame" else mean.mean(axis=0))
     raise ValueError(
         f"over is {over!r} for a cube of shape {array.shape}: 'frame' needs (..., chirp, tx, rx, sample), "
@@ -171,15 +183,17 @@ def range_spectrum(
 ) -> ComplexChannels:
     """Range profiles (..., chirp, tx, rx, range) on the axis :func:`range_axis`.
 
-    A tone of amplitude A has |A| at its bin for any window. More `bins` than samples pad with zeros.
+    A tone of amplitude A has |A| at its bin for any window. More `bins` than samples pad with zeros. The profiles of a
+    tensor of PyTorch are a tensor.
     """
-    array = check_cube(cube, radar)
+    array = check_cube(cube, radar, tensors=True)
     return range_profiles(array, radar, window, _bins("bins", bins, array.shape[-1]))
 
 
 def range_profiles(array: Samples, radar: Radar, window: Window, bins: int) -> ComplexChannels:
     """:func:`range_spectrum` of checked samples, which may be separate Doppler bands."""
-    return range_transform(array * taper(window, array.shape[-1]).astype(array.real.dtype), radar, bins)
+    fast = constant(taper(window, array.shape[-1]).astype(real_type(array)), array)
+    return range_transform(array * fast, radar, bins)
 
 
 @dataclass(frozen=True, repr=False)
@@ -197,10 +211,7 @@ class RangeDoppler(ShortRepr):
     @property
     def power(self) -> FloatArray:
         """(..., range, velocity) power, mean over the channels [W for samples in sqrt(W)]."""
-        spectrum = self.spectrum
-        power = np.square(spectrum.real, dtype=np.float64)
-        power += np.square(spectrum.imag, dtype=np.float64)
-        return np.swapaxes(power.mean(axis=(-3, -2)), -1, -2)
+        return squared_magnitude(self.spectrum).mean(axis=(-3, -2)).swapaxes(-1, -2)
 
 
 def range_doppler(
@@ -221,7 +232,7 @@ def range_doppler(
     Parameters
     ----------
     cube
-        (..., chirp, tx, rx, sample).
+        (..., chirp, tx, rx, sample), an array, or a tensor of PyTorch, of which the spectra are a tensor on its device.
     range_window, velocity_window
         Names for :func:`scipy.signal.get_window`.
     range_bins, velocity_bins
@@ -231,34 +242,35 @@ def range_doppler(
         interval.
     correct_migration
         Whether the Doppler frequency of each sample is that of the ramp's frequency there (keystone transform), so that
-        targets that cross range cells keep their level and width, for the same velocities.
+        targets that cross range cells keep their level and width, for the same velocities; for arrays alone.
     static
         Whether static returns are kept; see :func:`remove_static`.
     all_bands
         Whether Tx elements in Doppler bands keep the whole Doppler axis, which outside of the own band has the echoes
         of other elements and of faster targets.
     """
-    array = separate_bands(check_cube(cube, radar), radar)
+    if correct_migration and is_tensor(cube):
+        raise ValueError("correct_migration is True for a tensor: give an array, cube.cpu().numpy()")
+    array = separate_bands(check_cube(cube, radar, tensors=True), radar)
     if not static:
         array = remove_static(array)
     chirps, samples = array.shape[-4], array.shape[-1]
     range_bins = _bins("range_bins", range_bins, samples)
     velocity_bins = _bins("velocity_bins", velocity_bins, chirps)
-    real = array.real.dtype
-    slow = taper(velocity_window, chirps).astype(real)[:, None, None, None]
-    fast = taper(range_window, samples).astype(real)
+    slow = taper(velocity_window, chirps)[:, None, None, None]
+    window = constant((slow * taper(range_window, samples)).astype(real_type(array)), array)
     kept = slice(None) if all_bands else occupied_bins(radar, velocity_bins)
     velocity = _doppler_axis(radar, velocity_bins)[kept]
-    tapered = array * (slow * fast)
+    tapered = array * window
     if correct_migration:
         doppler = _keystone(tapered, radar, velocity_bins)
     else:
-        doppler = fft.fftshift(fft.fft(tapered, n=velocity_bins, axis=-4), axes=-4)
+        doppler = array_namespace(tapered).fft.fftshift(fast_fourier(tapered, velocity_bins, -4), -4)
     doppler = doppler[..., kept, :, :, :]
     if correct_coupling or radar.waveform.slope == 0:  # without a slope all beat frequencies are Doppler
         frequency = 2 * velocity / radar.wavelength
         turn = np.exp(-2j * np.pi * frequency[:, None] * np.arange(samples) / radar.waveform.sample_rate)
-        doppler *= turn.astype(doppler.dtype)[:, None, None, :]
+        doppler *= constant(turn.astype(complex_type(doppler)), doppler)[:, None, None, :]
     return RangeDoppler(
         spectrum=range_transform(doppler, radar, range_bins), range=range_axis(radar, range_bins), velocity=velocity
     )
@@ -283,6 +295,13 @@ def _keystone(array: Samples, radar: Radar, bins: int) -> ComplexChannels:
         turn = np.exp(2j * np.pi * (scale[sample] - 1) * cycles * (chirps - 1) / 2)
         result[..., sample] = transform(array[..., sample], axis=-3) * turn[:, None, None]
     return result
+
+
+def squared_magnitude(values: Any) -> Any:
+    """|values|² of a complex array or tensor, in double precision."""
+    power = as_type(values.real, "float64") ** 2
+    power += as_type(values.imag, "float64") ** 2
+    return power
 
 
 def coupling(radar: Radar, velocity: ArrayLike) -> FloatArray:

@@ -24,6 +24,14 @@ from scipy import fft
 from scipy.signal import get_window
 
 from rfgen_sionna._types import FloatArray
+from rfgen_sionna.processing.array_namespace import (
+    array_namespace,
+    constant,
+    fast_fourier,
+    of_real_parts,
+    real_parts,
+    to_numpy,
+)
 from rfgen_sionna.processing.boards.board_points import BoardPoints
 from rfgen_sionna.processing.boards.range_cfar import CfarSettings, noise_level
 from rfgen_sionna.processing.boards.virtual_rows import VirtualRows, virtual_rows
@@ -88,15 +96,26 @@ class OutOfBoxChain:
 
 
 def out_of_box_points(cube: ArrayLike, radar: Radar, chain: OutOfBoxChain | None = None) -> BoardPoints:
-    """Points of each frame (frame, chirp, tx, rx, sample), simulated or measured.
+    """Points of each frame, simulated or measured.
+
+    Parameters
+    ----------
+    cube
+        (frame, chirp, tx, rx, sample) complex samples, a NumPy array or a tensor of PyTorch on any device, in sqrt(W)
+        or, for a `full_scale_dbm` of None, in words of the ADC. Of a tensor, all up to the detections is done on its
+        device; the points are NumPy arrays.
+    chain
+        Settings; None takes the defaults.
 
     Raises
     ------
     ValueError
         For a cube or an array that the chain does not take, naming what is needed.
+    TypeError
+        For a cube that is neither an array nor a tensor.
     """
     chain = OutOfBoxChain() if chain is None else chain
-    array = check_cube(cube, radar, frames=True)
+    array = check_cube(cube, radar, frames=True, tensors=True)
     rows = virtual_rows(radar)
     if radar.waveform.slope <= 0 or radar.adc.real or radar.waveform.multiplexing != "tdm":
         raise ValueError(f"radar '{radar.name}': the chain takes complex samples of rising ramps in TDM")
@@ -108,35 +127,32 @@ def out_of_box_points(cube: ArrayLike, radar: Radar, chain: OutOfBoxChain | None
     return BoardPoints(**joined, frames=len(array))
 
 
-def channel_maps(array: NDArray[Any], radar: Radar, chain: OutOfBoxChain) -> Channels:
+def channel_maps(array: Any, chain: OutOfBoxChain) -> Any:
     """(frame, Doppler, range, tx, rx) bins of the two transforms, Doppler from 0 on, in words."""
+    xp = array_namespace(array)
     chirps, samples = array.shape[1], array.shape[-1]
-    bins = 1 << (samples - 1).bit_length()
     fast = get_window(chain.range_window, samples, fftbins=False) / (4 * chain.step)
     slow = get_window(chain.doppler_window, chirps, fftbins=False) * (2 / chirps)
-    ranges = fft.fft(array * fast.astype(np.float32), n=bins, axis=-1)
-    ranges = _rounded(ranges, chain.integers)
+    fast, slow = (constant(window.astype(np.float32), array) for window in (fast, slow))
+    ranges = _rounded(fast_fourier(array * fast, _power_of_two(samples), -1), chain.integers)
     if chain.clutter_removal:
         ranges = _rounded(ranges - ranges.mean(axis=1, keepdims=True), chain.integers)
-    doppler = fft.fft(ranges * slow.astype(np.float32)[:, None, None, None], n=_power_of_two(chirps), axis=1)
-    return np.moveaxis(_rounded(doppler, chain.integers), -1, 2)
+    doppler = fast_fourier(ranges * slow[:, None, None, None], _power_of_two(chirps), 1)
+    return xp.moveaxis(_rounded(doppler, chain.integers), -1, 2)
 
 
-def detection_map(channels: Channels, integers: bool) -> FloatArray:
+def detection_map(channels: Any, integers: bool) -> Any:
     """(frame, Doppler, range) sum of log2 magnitudes over the channels, over the next power of two of their number."""
-    magnitude = np.abs(channels)
-    floor = 2.0**-8 if integers else np.finfo(np.float32).tiny
-    bits = np.log2(np.maximum(magnitude, floor)).sum(axis=(-2, -1), dtype=np.float64)
-    count = channels.shape[-2] * channels.shape[-1]
-    level = bits / _power_of_two(count)
-    return np.floor(level * 512) / 512 if integers else np.asarray(level)
+    xp = array_namespace(channels)
+    floor = 2.0**-8 if integers else float(np.finfo(np.float32).tiny)
+    bits = xp.log2(xp.clip(xp.abs(channels), floor, None)).sum(axis=(-2, -1), dtype=xp.float64)
+    level = bits / _power_of_two(channels.shape[-2] * channels.shape[-1])
+    return xp.floor(level * 512) / 512 if integers else level
 
 
-def _points(array: NDArray[Any], radar: Radar, chain: OutOfBoxChain, rows: VirtualRows, first: int) -> BoardPoints:
-    channels = channel_maps(array, radar, chain)
-    level = detection_map(channels, chain.integers)
-    count = channels.shape[-2] * channels.shape[-1]
-    unit_db = _BIT_DB * _power_of_two(count) / count
+def _detections(level: Any, chain: OutOfBoxChain, unit_db: float) -> tuple[Any, Any]:
+    """Cells (frame, Doppler, range) of `level`, in units of `unit_db`, that are points, and the noise of all cells."""
+    xp = array_namespace(level)
     noise = noise_level(level, chain.range_cfar, axis=2)
     detected = level - noise > chain.range_cfar.threshold_db / unit_db
     if chain.doppler_cfar is not None:
@@ -146,17 +162,26 @@ def _points(array: NDArray[Any], radar: Radar, chain: OutOfBoxChain, rows: Virtu
     detected[..., :low] = False
     detected[..., high + 1 :] = False
     if chain.group_doppler:
-        detected &= (level >= np.roll(level, 1, axis=1)) & (level >= np.roll(level, -1, axis=1))
+        detected &= (level >= xp.roll(level, 1, 1)) & (level >= xp.roll(level, -1, 1))
     if chain.group_range:
-        padded = np.pad(level, ((0, 0), (0, 0), (1, 1)), constant_values=-np.inf)
-        detected &= (level >= padded[..., :-2]) & (level >= padded[..., 2:])
-    frame, doppler, place = np.nonzero(detected)
+        detected[..., 1:] &= level[..., 1:] >= level[..., :-1]
+        detected[..., :-1] &= level[..., :-1] >= level[..., 1:]
+    return detected, noise
+
+
+def _points(array: Any, radar: Radar, chain: OutOfBoxChain, rows: VirtualRows, first: int) -> BoardPoints:
+    channels = channel_maps(array, chain)
+    level = detection_map(channels, chain.integers)
+    count = channels.shape[-2] * channels.shape[-1]
+    unit_db = _BIT_DB * _power_of_two(count) / count
+    detected, noise = _detections(level, chain, unit_db)
+    frame, doppler, place = np.nonzero(to_numpy(detected))
     kept = _rank_in_frame(frame, len(array)) < chain.max_points
     frame, doppler, place = frame[kept], doppler[kept], place[kept]
-    snr = (level - noise)[frame, doppler, place] * unit_db
+    snr = to_numpy((level - noise)[frame, doppler, place]) * unit_db
     chirps = channels.shape[1]
     signed = np.where(doppler >= chirps // 2, doppler - chirps, doppler)
-    values = _compensated(channels[frame, doppler, place], radar, signed / chirps)
+    values = _compensated(to_numpy(channels[frame, doppler, place]), radar, signed / chirps)
     beams, above = _beams(values, rows, chain.angle_bins)
     strength = np.abs(beams)
     best = strength.argmax(axis=1) if len(strength) else np.zeros(0, np.int64)
@@ -255,12 +280,13 @@ def _rank_in_frame(frame: NDArray[np.int64], frames: int) -> NDArray[np.int64]:
     return np.asarray(np.arange(len(frame)) - starts[frame])
 
 
-def _rounded(values: Channels, integers: bool) -> Channels:
+def _rounded(values: Any, integers: bool) -> Any:
     """Real and imaginary parts rounded to 16-bit integers that saturate."""
     if not integers:
         return values
-    parts = values.view(values.real.dtype)
-    return np.asarray(np.clip(np.rint(parts), -(2**15), 2**15 - 1).view(values.dtype))
+    parts = real_parts(values)
+    xp = array_namespace(parts)
+    return of_real_parts(xp.clip(xp.round(parts), -(2**15), 2**15 - 1))
 
 
 def _power_of_two(count: int) -> int:

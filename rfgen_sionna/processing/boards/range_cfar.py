@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
-
-from rfgen_sionna._types import FloatArray
+from rfgen_sionna.processing.array_namespace import array_namespace
 
 MODES = ("ca", "cago", "caso")
 """Mean of both sides, the greater of the two, the lesser."""
@@ -34,33 +33,40 @@ class CfarSettings:
             raise ValueError(f"train is {self.train}, guard {self.guard}: train >= 1 and guard >= 0 are needed")
 
 
-def noise_level(level: FloatArray, settings: CfarSettings, axis: int = -1) -> FloatArray:
+def noise_level(level: Any, settings: CfarSettings, axis: int = -1) -> Any:
     """Noise of each cell: the mean of the training cells of one or both sides, in the unit of `level`.
+
+    Parameters
+    ----------
+    level
+        Map of logarithms, an array or a tensor of any shape.
+    axis
+        Axis of the cells.
 
     Raises
     ------
     ValueError
         If guard and training cells of one side do not fit on the axis.
     """
-    moved = np.moveaxis(np.asarray(level, np.float64), axis, -1)
+    xp = array_namespace(level)
+    moved = xp.moveaxis(level, axis, -1)
     count, reach = moved.shape[-1], settings.guard + settings.train
     if 2 * reach >= count:
         raise ValueError(
             f"train {settings.train} and guard {settings.guard} span {2 * reach + 1} cells; the axis has {count}"
         )
     if settings.cyclic:
-        moved = np.concatenate([moved[..., -reach:], moved, moved[..., :reach]], axis=-1)
-    total = np.cumsum(np.concatenate([np.zeros_like(moved[..., :1]), moved], axis=-1), axis=-1)
+        moved = xp.concatenate([moved[..., -reach:], moved, moved[..., :reach]], axis=-1)
+    total = xp.cumsum(xp.concatenate([xp.zeros_like(moved[..., :1]), moved], axis=-1), axis=-1)
     means = (total[..., settings.train :] - total[..., : -settings.train]) / settings.train
     if settings.cyclic:
         low, high = means[..., :count], means[..., reach + settings.guard + 1 :][..., :count]
     else:
-        low, high = np.full(moved.shape, np.nan), np.full(moved.shape, np.nan)
-        low[..., reach:] = means[..., : count - reach]
-        high[..., : count - reach] = means[..., settings.guard + 1 :][..., : count - reach]
-        low, high = np.where(np.isnan(low), high, low), np.where(np.isnan(high), low, high)
+        below, above = means[..., : count - reach], means[..., settings.guard + 1 :]
+        low = xp.concatenate([above[..., :reach], below], axis=-1)
+        high = xp.concatenate([above, below[..., -reach:]], axis=-1)
     if settings.mode == "ca":
         noise = (low + high) / 2
     else:
-        noise = np.maximum(low, high) if settings.mode == "cago" else np.minimum(low, high)
-    return np.asarray(np.moveaxis(noise, -1, axis))
+        noise = xp.maximum(low, high) if settings.mode == "cago" else xp.minimum(low, high)
+    return xp.moveaxis(noise, -1, axis)
