@@ -3,10 +3,10 @@
     python -m experiments.paper.posture --output FOLDER
 
 A network like mmMesh's (`mesh_network.py`) finds anny's bodies in mmMesh's points of an AWR1843
-(`recipes/posture_*.toml`). "Measured" sets are simulated ones here: in rooms, with half the tolerance and a receiver
-with impairments. The baseline learns from a narrow measured set, three movements of three people on one spot; ours from
-it and from synthetic data of diverse prompts, in free space. Errors are V, S, T [m], Q [degrees] and G, the share of
-right genders. The control is one body for all frames: the mean of ours' training.
+(`recipes/posture_*.toml`). "Measured" sets are simulated ones here: of other people, with half the tolerance and a
+receiver with impairments. The baseline learns from a narrow measured set, three movements of three people on one spot;
+ours from it and from synthetic data of diverse prompts. Only the unseen places are rooms. Errors are V, S, T [m],
+Q [degrees] and G, the share of right genders. The control is one body for all frames: the mean of ours' training.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def posture(arguments: argparse.Namespace) -> dict[str, Any]:
         errors[name] = evaluated(sets[name], true_bodies(folders[name]), found, names)
     return {
         "recordings": {name: len(data) for name, data in sets.items()},
-        "measured": "simulated: other people, in rooms, half the tolerance, a receiver with impairments",
+        "measured": "simulated: other people, half the tolerance, a receiver with impairments; unseen places are rooms",
         "units": {"V": "m", "S": "m", "Q": "degrees", "T": "m", "G": "share of right genders"},
         "steps": steps,
         "errors": errors,

@@ -57,7 +57,9 @@ def test_tests_are_measured_ones_and_the_measured_training_is_narrow() -> None:
             assert {(spec.receiver or {}).get("mismatch") is None for spec in specs} == {"synthetic" in name}
     narrow = specs_of(stored_recipe("posture_narrow"))
     assert len({spec.bodies[0].seed for spec in narrow}) == 3
-    assert len({(spec.place, spec.place_seed, spec.distance_m, spec.azimuth_deg) for spec in narrow}) == 1
+    assert {(spec.place, spec.distance_m, spec.azimuth_deg, spec.orientation_deg) for spec in narrow} == {
+        ("free space", 2.5, 0.0, 0.0)
+    }
     hands = parts("gestures", gestures.SETS)
     assert {spec.orientation_deg for spec in hands["measured"]} == {0.0}
     for name in ("synthetic", "test"):
