@@ -59,7 +59,7 @@ def off(found, truth):
 def test_adc_samples_are_within_what_is_stated(radar, thing, rtol):
     """With exact sums and with those that a simulation makes, which were 4 times the tolerance off for the plate, and
     20 times for the box, as gains were those of another frequency. Against one 50 times as accurate."""
-    truth = samples(radar, traced(radar, [thing()], 2e-5), 1e-10)
+    truth = samples(radar, traced(radar, [thing()], rtol / 50), 1e-10)
     found = traced(radar, [thing()], rtol)
     cube = Simulator(None, radar, [thing()], rtol=rtol).adc(1.01 * radar.waveform.frame_period, noise=False).data[0]
     exact = samples(radar, found, 1e-10)
