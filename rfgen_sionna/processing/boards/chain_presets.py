@@ -12,9 +12,13 @@ CHAINS: Mapping[str, OutOfBoxChain] = MappingProxyType(
         # TI's profile for three Tx: no point has a neighbour in Doppler, every other one has one in range; static
         # points are 93 %; levels of neighbouring range bins are those of Blackman's window.
         "radhar": OutOfBoxChain(),
-        # Points of one range fill neighbouring Doppler bins.
-        "mars": OutOfBoxChain(group_doppler=False),
+        # Points of one range fill neighbouring Doppler bins. Without removal of static clutter, simulated people have
+        # a Doppler histogram at five times the distance from the recorded one.
+        "mars": OutOfBoxChain(group_doppler=False, clutter_removal=True),
     }
 )
 """Chain by data set: RadHAR (Singh et al., mmNets 2019) and MARS (An and Ogras, ACM TECS 2021), both of an IWR1443.
-`tests/unit/processing/test_board_recordings.py` holds the settings against the recordings."""
+
+Fitted on the first recording of each activity of RadHAR's training part, and on subject 2 of MARS; `docs/evaluation.md`
+has what speaks for each setting, `tests/unit/processing/test_board_recordings.py` holds them against the recordings.
+"""
