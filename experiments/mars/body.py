@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 import rfgen_sionna as rfgen
 from experiments.mars.recordings import FRAME_PERIOD_S, MarsMovement
+from rfgen_sionna.generative.bodies import VitalSigns
+from rfgen_sionna.processing.boards import CHAINS, OutOfBoxChain
 
 POSE_FILE = Path(__file__).parent / "results" / "pose.json"
 """The pose that `experiments.mars.fit` found on subject 2."""
@@ -31,7 +34,9 @@ class MarsPose:
     lag_s: float
     """Time of the joints at the middle of a radar frame, less the frame's time [s]."""
     gain_db: float
-    """Level of the board over that of the simulated one."""
+    """Level of the person over the noise, more than simulated."""
+    full_scale_dbm: float
+    """Power of a full-scale tone at the receiver's input, which gives the steps of the samples."""
 
     def radar(self) -> rfgen.Radar:
         """The IWR1443 in MARS's configuration, in the Kinect's world: x depth, y to the left, z up."""
@@ -40,6 +45,10 @@ class MarsPose:
         return rfgen.Radar.load(
             "iwr1443boost", preset="mars", position=tuple(place), look_at=tuple(place + 3.0 * ahead)
         )
+
+    def chain(self) -> OutOfBoxChain:
+        """The board's chain."""
+        return replace(CHAINS["mars"], full_scale_dbm=self.full_scale_dbm)
 
 
 def read_pose(file: Path = POSE_FILE) -> MarsPose:
@@ -74,12 +83,13 @@ def joint_track(movement: MarsMovement) -> tuple[NDArray[np.float64], NDArray[np
     return times[kept], to_world(movement.joints[kept])
 
 
+@lru_cache(maxsize=16)
 def moving_body(movement: MarsMovement, seed: int = 0) -> tuple[rfgen.Actor, float]:
-    """The body that follows the joints, and the time of its start on the clock of :func:`frame_times` [s]."""
+    """The breathing body that follows the joints, and the time of its start on the clock of :func:`frame_times` [s]."""
     times, joints = joint_track(movement)
     longest = float(np.diff(times).max()) + 1.0
     actor = rfgen.Actor.from_joints(joints, names=movement.names, times=times, longest_gap=longest, seed=seed)
-    return actor, float(times[0])
+    return actor.with_vital_signs(VitalSigns(seed=seed)), float(times[0])
 
 
 def instants(movement: MarsMovement, rows: NDArray[np.int64], pose: MarsPose, start: float) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -47,25 +48,29 @@ def course_of_clouds(clouds: MarsClouds) -> MarsCourse:
     return MarsCourse(doppler, np.array(middle))
 
 
+@lru_cache(maxsize=64)
+def _bone_middles(movement: MarsMovement) -> tuple[float, float, NDArray[np.float64]]:
+    """Start [s] and rate [Hz] of the smooth joints, and middles of the bones (sample, bone, side, 3) [m]."""
+    times, joints = joint_track(movement)
+    longest = float(np.diff(times).max()) + 1.0
+    recorded = record_joints(joints, names=movement.names, times=times, longest_gap=longest)
+    place = recorded.positions
+    middles = [
+        np.stack([(place[:, _joint(start, side)] + place[:, _joint(end, side)]) / 2 for side in SIDES], axis=1)
+        for start, end in BONES.values()
+    ]
+    return float(times[0]), recorded.frame_rate, np.stack(middles, axis=1)
+
+
 def bone_courses(
     movement: MarsMovement, pose: MarsPose, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Radial velocity [m/s] and distance [m] of the bones' middles, (row, bone, side), from the radar of `pose`, in the
     radar frames of `rows`."""
-    times, joints = joint_track(movement)
-    longest = float(np.diff(times).max()) + 1.0
-    recorded = record_joints(joints, names=movement.names, times=times, longest_gap=longest)
-    place = recorded.positions
-    middles = np.stack(
-        [
-            np.stack([(place[:, _joint(start, side)] + place[:, _joint(end, side)]) / 2 for side in SIDES], axis=1)
-            for start, end in BONES.values()
-        ],
-        axis=1,
-    )
+    start, rate, middles = _bone_middles(movement)
     distance = np.linalg.norm(middles - pose.radar().position, axis=-1)
-    velocity = np.gradient(distance, 1 / recorded.frame_rate, axis=0)
-    at = instants(movement, rows, pose, float(times[0])) * recorded.frame_rate
+    velocity = np.gradient(distance, 1 / rate, axis=0)
+    at = instants(movement, rows, pose, start) * rate
     below = np.clip(np.floor(at).astype(int), 0, len(distance) - 2)
     share = np.clip(at - below, 0.0, 1.0)[:, None, None]
     found = [course[below] * (1 - share) + course[below + 1] * share for course in (velocity, distance)]

@@ -3,9 +3,9 @@
     python -m experiments.mars.fit --data DATA --work FOLDER --output pose.json
 
 Of subject 2 alone. The lag of the clocks is that at which a stick figure's mean Doppler is likest the radar's. For each
-height and tilt of a grid, part of every movement is simulated; the gain follows from the summed intensities, the depth
-from the median range, and the best place has the least sum of squared errors of mean Doppler, its spread, range and
-level, each over its variance in the recordings.
+height and tilt of a grid, parts of five movements are simulated; full scale and gain follow from the intensities, the
+depth from the median range, and the best place has the least error of the mean Doppler. With `--samples`, the whole
+movements that were simulated from there give full scale, gain and depth once more.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +29,19 @@ from rfgen_sionna.evaluation.doppler_course import correlation
 
 SUBJECT = 2
 HEIGHTS_M = (-0.2, -0.1, 0.0, 0.1)
-TILTS_DEG = (0.0, 8.0, 16.0)
+TILTS_DEG = (0.0, 5.0, 10.0)
 LAGS_S = (-0.1, -0.06, -0.04, -0.02, 0.0, 0.02)
 LATERAL_M = 0.2
 """Radar to the right of the Kinect: the median of the points' x against that of the joints [m]."""
 PART_ROWS = 240
 """Rows of each movement that are simulated, from its middle."""
-EVERY = 12
+EVERY = 20
+PART_MOVEMENTS = (3, 4, 6, 8, 10)
+"""Movements that are simulated: arms, lunges to the front and the side, squats, a leg and an arm."""
+
+
+SimulatedPart = tuple[MarsMovement, NDArray[np.int64], NDArray[np.complex64]]
+"""Part of a movement, with rows and samples of its simulated frames."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +60,6 @@ class FitErrors:
     """Mean over movements."""
     points: float
     """Points a frame, simulated over recorded."""
-    score: float
-    """Sum of the four squared errors over the variances of the recorded values."""
 
 
 def levels_db(clouds: MarsClouds) -> NDArray[np.float64]:
@@ -85,57 +88,65 @@ def fitted_lag(movements: Sequence[MarsMovement], pose: MarsPose) -> dict[float,
     return found
 
 
-def fitted_gain_and_depth(
-    parts: Sequence[tuple[MarsMovement, NDArray[np.int64], NDArray[np.complex64]]], pose: MarsPose, rounds: int = 3
-) -> tuple[MarsPose, FitErrors]:
-    """The pose with the gain and the depth that fit best, and what is left."""
-    radar = pose.radar()
+def fitted_levels(parts: Sequence[SimulatedPart], pose: MarsPose, rounds: int = 4) -> MarsPose:
+    """The pose with the full scale that gives the weakest points (5 %) their intensity, and the gain that gives the
+    frames their summed intensity."""
     for _ in range(rounds):
-        clouds = [
-            (item.clouds.at_rows(rows), clouds_of(rows, samples, radar, pose.gain_db, item.movement))
-            for item, rows, samples in parts
-        ]
-        steps = np.concatenate([levels_db(theirs) - levels_db(ours) for theirs, ours in clouds])
-        pose = replace(pose, gain_db=pose.gain_db + float(np.nanmedian(steps)))
+        clouds = _clouds(parts, pose)
+        level = float(np.nanmedian(np.concatenate([levels_db(theirs) - levels_db(ours) for theirs, ours in clouds])))
+        theirs, ours = (np.concatenate([pair[index].intensity for pair in clouds]) for index in (0, 1))
+        weakest = float(20 * np.log10(np.percentile(theirs, 5) / np.percentile(ours, 5)))
+        pose = replace(pose, full_scale_dbm=pose.full_scale_dbm - weakest, gain_db=pose.gain_db + level - weakest)
+    return pose
+
+
+def fitted_depth(parts: Sequence[SimulatedPart], pose: MarsPose) -> tuple[MarsPose, FitErrors]:
+    """The pose with the depth that fits the median ranges, and what is left."""
+    clouds = _clouds(parts, pose)
     courses = [(course_of_clouds(theirs), course_of_clouds(ours)) for theirs, ours in clouds]
-    away = np.concatenate([theirs.range - ours.range for theirs, ours in courses])
-    shift = float(np.nanmedian(away))
+    shift = float(np.nanmedian(np.concatenate([theirs.range - ours.range for theirs, ours in courses])))
     seen = _joined([theirs for theirs, _ in courses])
-    errors = _joined([_difference(theirs, ours) for theirs, ours in courses]) - [0.0, 0.0, shift]
+    away = seen - _joined([ours for _, ours in courses]) - [0.0, 0.0, shift]
     level = np.concatenate([levels_db(theirs) for theirs, _ in clouds])
-    rms = np.sqrt(np.nanmean(errors**2, axis=0))
-    level_rms = float(np.nanstd(steps))
-    score = float(np.sum(rms**2 / np.nanvar(seen, axis=0)) + level_rms**2 / np.nanvar(level))
+    level_rms = float(np.nanstd(level - np.concatenate([levels_db(ours) for _, ours in clouds])))
+    rms = np.sqrt(np.nanmean(away**2, axis=0))
     likeness = [correlation(theirs.doppler.centroid, ours.doppler.centroid) for theirs, ours in courses]
     counts = [sum(len(each[index].frame) for each in clouds) for index in (0, 1)]
-    mean_rms, spread_rms, range_rms = (float(each) for each in rms)
     found = FitErrors(
-        mean_rms, spread_rms, range_rms, level_rms, float(np.mean(likeness)), counts[1] / counts[0], score
-    )
+        centroid_rms=float(rms[0]), spread_rms=float(rms[1]), range_rms=float(rms[2]), level_rms=level_rms,
+        centroid_correlation=float(np.mean(likeness)), points=counts[1] / counts[0],
+    )  # fmt: skip
     return replace(pose, depth_m=pose.depth_m - shift), found
 
 
-def _joined(courses: Sequence[MarsCourse | NDArray[np.float64]]) -> NDArray[np.float64]:
+def _clouds(parts: Sequence[SimulatedPart], pose: MarsPose) -> list[tuple[MarsClouds, MarsClouds]]:
+    """Recorded and simulated clouds of each part."""
+    return [(item.clouds.at_rows(rows), clouds_of(rows, samples, pose, item.movement)) for item, rows, samples in parts]
+
+
+def _joined(courses: Sequence[MarsCourse]) -> NDArray[np.float64]:
     """(frame, 3) mean Doppler, spread, range."""
-    return np.concatenate([each if isinstance(each, np.ndarray) else _columns(each) for each in courses])
+    columns = [np.column_stack([each.doppler.centroid, each.doppler.spread, each.range]) for each in courses]
+    return np.concatenate(columns)
 
 
-def _columns(course: MarsCourse) -> NDArray[np.float64]:
-    return np.column_stack([course.doppler.centroid, course.doppler.spread, course.range])
-
-
-def _difference(first: MarsCourse, second: MarsCourse) -> NDArray[np.float64]:
-    return _columns(first) - _columns(second)
-
-
-def simulated_part(movement: MarsMovement, pose: MarsPose, folder: Path) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Rows and samples of a part at one height and tilt, kept in `folder`."""
+def simulated_part(movement: MarsMovement, pose: MarsPose, folder: Path) -> SimulatedPart:
+    """A part at one height and tilt, its samples kept in `folder`."""
     file = folder / f"{movement.name}-{pose.height_m:+.2f}m-{pose.tilt_deg:.0f}deg-{pose.lag_s * 1e3:.0f}ms.npz"
     if not file.exists():
         rows, samples = simulate(movement, pose, every=EVERY)
         np.savez(file, rows=rows, samples=samples)
+    return simulated_movement(movement, file)
+
+
+def simulated_movement(movement: MarsMovement, file: Path) -> SimulatedPart:
+    """A movement with the samples of a file of :mod:`experiments.mars.synthesis`."""
     with np.load(file) as stored:
-        return stored["rows"], stored["samples"]
+        return movement, stored["rows"], stored["samples"]
+
+
+def _rounded(errors: FitErrors) -> dict[str, float]:
+    return {name: round(float(value), 3) for name, value in asdict(errors).items()}
 
 
 def main() -> None:
@@ -145,10 +156,11 @@ def main() -> None:
     parser.add_argument("--output", type=Path, required=True, help="JSON file")
     parser.add_argument("--heights", type=float, nargs="*", default=HEIGHTS_M, help="over the Kinect [m]")
     parser.add_argument("--tilts", type=float, nargs="*", default=TILTS_DEG, help="of the boresight [degrees]")
+    parser.add_argument("--samples", type=Path, help="folder of experiments.mars.synthesis, at the best place")
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)
     movements = read_subject(arguments.data, SUBJECT)
-    middle = MarsPose(0.0, LATERAL_M, 0.0, 0.0, 0.0, 9.0)
+    middle = MarsPose(0.0, LATERAL_M, 0.0, 0.0, 0.0, 9.0, -3.0)
     lags = fitted_lag(movements, middle)
     middle = replace(middle, lag_s=max(lags, key=lambda lag: lags[lag]))
     print({lag: round(value, 3) for lag, value in lags.items()}, flush=True)
@@ -156,24 +168,34 @@ def main() -> None:
     cuts = [
         item.cut(centre - PART_ROWS // 2, centre + PART_ROWS // 2)
         for item, centre in zip(movements, centres, strict=True)
+        if item.movement in PART_MOVEMENTS
     ]
     table, best = [], None
     for height, tilt in product(arguments.heights, arguments.tilts):
         pose = replace(middle, height_m=height, tilt_deg=tilt)
-        parts = [(cut, *simulated_part(cut, pose, arguments.work)) for cut in cuts]
-        pose, errors = fitted_gain_and_depth(parts, pose)
-        table.append({"pose": pose_record(pose), **{name: round(value, 3) for name, value in asdict(errors).items()}})
+        parts = [simulated_part(cut, pose, arguments.work) for cut in cuts]
+        pose, errors = fitted_depth(parts, fitted_levels(parts, pose))
+        table.append({"pose": pose_record(pose), **_rounded(errors)})
         print(json.dumps(table[-1]), flush=True)
-        if best is None or errors.score < best[1].score:
+        if best is None or errors.centroid_rms < best[1].centroid_rms:
             best = pose, errors
     if best is None:
         parser.error("--heights and --tilts: at least one of each is needed")
+    whole: dict[str, object] = {}
+    if arguments.samples is not None:
+        files = [(item, arguments.samples / f"{item.name}.npz") for item in movements]
+        parts = [simulated_movement(item, file) for item, file in files if file.exists()]
+        pose, errors = fitted_depth(parts, fitted_levels(parts, best[0]))
+        best = replace(pose, depth_m=best[0].depth_m), errors
+        whole = {"movements": [item.movement for item, *_ in parts], **_rounded(errors)}
     result = {
         "pose": pose_record(best[0]),
         "subject": SUBJECT,
+        "movements": [item.movement for item in cuts],
         "frames": sum(len(rows) for _, rows, _ in parts),
         "lags [s]": {str(lag): round(value, 4) for lag, value in lags.items()},
         "grid": table,
+        "whole movements": whole,
     }
     arguments.output.write_text(json.dumps(result, indent=1) + "\n")
 

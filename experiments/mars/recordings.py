@@ -68,7 +68,7 @@ class MarsClouds:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MarsMovement:
     """One movement of one person: a cloud and 25 joints a frame."""
 

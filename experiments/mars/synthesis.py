@@ -64,6 +64,7 @@ def main() -> None:
     part, parts = arguments.part
     numbers = arguments.subjects or subjects(arguments.data)
     movements = [movement for number in numbers for movement in read_subject(arguments.data, number)]
+    movements.sort(key=lambda movement: (movement.movement, movement.subject))  # any number of files is balanced
     for movement in movements[part::parts]:
         file = arguments.output / f"{movement.name}.npz"
         if file.exists():

@@ -13,7 +13,7 @@ from experiments.mars.body import MarsPose, frame_times, joint_track, pose_recor
 from experiments.mars.clouds import clouds_of
 from experiments.mars.compare import PREDICTORS, against_targets, cloud_figures, compared_movement, figures
 from experiments.mars.courses import BONES, StickFigure, bone_courses, course_of_clouds
-from experiments.mars.fit import fitted_lag
+from experiments.mars.fit import fitted_depth, fitted_lag, fitted_levels
 from experiments.mars.recordings import (
     RANGE_STEP,
     VELOCITY_STEP,
@@ -32,7 +32,7 @@ from rfgen_sionna.generative.motion.rotations import to_matrices
 from rfgen_sionna.generative.motion.skeleton import JOINT_NAMES, forward_kinematics, global_rotations
 from rfgen_sionna.signal.noise import noise_power
 
-POSE = MarsPose(0.0, 0.2, 0.0, 0.0, 0.0, 0.0)
+POSE = MarsPose(0.0, 0.2, 0.0, 0.0, 0.0, 0.0, -26.0)
 NAMES = LAYOUTS["kinect_v2"]
 
 
@@ -78,7 +78,16 @@ def acted(action: str = "sit_and_stand", duration: float = 8.0) -> MarsMovement:
     joints = np.stack([-facing[..., 1], facing[..., 0], facing[..., 2]], axis=-1)
     nothing = MarsClouds(np.arange(count), *(np.empty(0, int), np.empty((0, 3)), np.empty(0), np.empty(0)))
     number = np.arange(count) + 50
-    item = MarsMovement(3, 6, nothing, joints, JOINT_NAMES[:22], number, 1e9 + 0.1 * number, np.full(count, "train"))
+    item = MarsMovement(
+        3,
+        6,
+        nothing,
+        joints,
+        JOINT_NAMES[:22],
+        number,
+        np.asarray(1e9 + 0.1 * number, np.float64),
+        np.full(count, "train"),
+    )
     velocity, distance = bone_courses(item, POSE, np.arange(count))
     chosen = [list(BONES).index("forearm"), list(BONES).index("thigh")]
     points = velocity[:, chosen].reshape(count, -1), distance[:, chosen].reshape(count, -1)
@@ -166,7 +175,7 @@ def test_joints_are_on_the_radars_clock() -> None:
 def test_a_pose_is_kept(tmp_path: Path) -> None:
     import json
 
-    pose = MarsPose(-0.1, 0.2, 0.03, 8.0, -0.02, 9.5)
+    pose = MarsPose(-0.1, 0.2, 0.03, 8.0, -0.02, 9.5, -3.0)
     file = tmp_path / "pose.json"
     file.write_text(json.dumps({"pose": pose_record(pose)}))
     assert read_pose(file) == pose
@@ -208,14 +217,37 @@ def test_a_simulated_point_is_where_the_data_would_have_it() -> None:
     beat = np.exp(2j * np.pi * (68 / 256 * samples + 3 / 16 * chirps[:, None, None, None]))
     slots = np.exp(2j * np.pi * 3 / 16 * np.array([0, 2, 1])[:, None, None] / 3)  # slots TX1, TX3, TX2
     cube = np.broadcast_to(slots * beat, (2, *radar.frame_shape)) * 30 * np.sqrt(noise_power(radar))
-    clouds = clouds_of(np.array([4, 8]), cube.astype(np.complex64), radar, 0.0, seed=1)
+    clouds = clouds_of(np.array([4, 8]), cube.astype(np.complex64), POSE)
     strongest = clouds.intensity > 0.9 * clouds.intensity.max()
     assert set(clouds.frame[strongest]) == {0, 1}
     assert np.median(clouds.distance[strongest]) == pytest.approx(68 * RANGE_STEP, abs=0.003)
     np.testing.assert_allclose(np.abs(clouds.doppler[strongest]), 3 * VELOCITY_STEP)
     assert np.abs(clouds.xyz[strongest, 0]).max() < 0.07
-    louder = clouds_of(np.array([4, 8]), cube.astype(np.complex64), radar, 6.0, seed=1)
+    louder = clouds_of(np.array([4, 8]), cube.astype(np.complex64), replace(POSE, gain_db=6.0))
     assert 20 * np.log10(louder.intensity.max() / clouds.intensity.max()) == pytest.approx(6.0, abs=0.2)
+
+
+def test_levels_and_depth_are_found_again() -> None:
+    rng = np.random.default_rng(0)
+    true = replace(POSE, gain_db=4.0, full_scale_dbm=-12.0)
+    shape = POSE.radar().frame_shape
+    chirps, samples = np.arange(shape[0])[:, None, None, None], np.arange(shape[-1])
+    cubes = np.zeros((12, *shape), np.complex64)
+    for cube in cubes:
+        for power in 10 ** rng.uniform(-1.0, 2.5, 30):
+            turns = rng.uniform(45, 85) / 256 * samples + rng.integers(-3, 4) / 16 * chirps
+            cube += np.sqrt(power * noise_power(POSE.radar())) * np.exp(2j * np.pi * (turns + rng.uniform()))
+    rows = np.arange(12)
+    seen = clouds_of(rows, cubes, true, seed=7)
+    nearer = replace(seen, xyz=seen.xyz * (1 - 0.1 / seen.distance[:, None]))
+    item = replace(acted().cut(0, 12), clouds=nearer)
+    pose, errors = fitted_depth([(item, rows, cubes)], fitted_levels([(item, rows, cubes)], POSE, rounds=6))
+    assert pose.full_scale_dbm == pytest.approx(true.full_scale_dbm, abs=1.5)
+    assert pose.gain_db == pytest.approx(true.gain_db, abs=1.5)
+    assert pose.depth_m == pytest.approx(0.1, abs=0.02)  # a radar further ahead is nearer
+    assert errors.points == pytest.approx(1.0, abs=0.1)
+    assert errors.centroid_rms < 0.1
+    assert errors.range_rms < 0.1
 
 
 def test_figures_of_a_perfect_prediction_and_of_its_controls() -> None:
@@ -258,7 +290,7 @@ def test_a_simulated_lunge_moves_as_the_radar_saw_it(recordings: Path) -> None:
     pose = read_pose()
     lunge = read_subject(recordings, 2)[4].cut(300, 540)
     rows, samples = simulate(lunge, pose, every=6)
-    clouds = clouds_of(rows, samples, pose.radar(), pose.gain_db, seed=0)
+    clouds = clouds_of(rows, samples, pose)
     figure = StickFigure.fit([lunge], pose).course(lunge, pose, rows)
     found = figures([compared_movement(lunge, clouds, figure)])
     assert found["simulated"]["centroid correlation"] > 0.85
