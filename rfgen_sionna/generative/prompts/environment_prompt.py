@@ -12,6 +12,7 @@ from rfgen_sionna.generative.prompts import vocabulary
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.text_reader import Reader, compile_pattern, negation_in
 from rfgen_sionna.scene.load import check_scene_file, is_path, is_scene
+from rfgen_sionna.scene.scene_errors import SceneError
 
 NOWHERE = "free space"
 """Name of empty surroundings."""
@@ -214,7 +215,10 @@ def split_keyword(text: str) -> tuple[str, list[tuple[str, str]]]:
     """
     found = []
     for match in _KEYWORD.finditer(text):
-        named = parse_environment(match[1].strip(" \"'"))
+        try:
+            named = parse_environment(match[1].strip(" \"'"))
+        except (SceneError, RuntimeError) as error:  # the path of no file, or of a home that nobody has
+            raise PromptError(f"environment: {error}") from error
         found.append((match.group().strip(), NOWHERE if named is None else named.scene))
     return _KEYWORD.sub(" , ", text), found
 

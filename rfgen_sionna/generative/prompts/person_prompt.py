@@ -31,6 +31,7 @@ from rfgen_sionna.generative.prompts.quantities import (
     RATE,
     SPEED,
     WEIGHT,
+    open_angles,
 )
 from rfgen_sionna.generative.prompts.scene_prompt import CLIP, ScenePrompt, check_seed
 from rfgen_sionna.generative.prompts.text_reader import negation_in, split_negative
@@ -105,6 +106,7 @@ def read_person(prompt: str, negative: str = "", *, seed: int = 0, clip: str = "
         choice, origins["action"] = ActionChoice((f"{CLIP}{clip}",)), argument("motion")
     else:
         choice, notes = _chosen(said, prompt, bool(vital)), ()
+    notes += open_angles(reader)
     mapped = dict(_on_the_way(each, said) for each in choice.options)
     action, options = _draw("action", tuple(mapped), forbidden, seed, negative, prompt, origins)
     path = mapped[action]

@@ -16,12 +16,12 @@ from rfgen_sionna.generative.prompts.manner_prompt import PATHS, read_manner
 from rfgen_sionna.generative.prompts.prompt_error import PromptError
 from rfgen_sionna.generative.prompts.quantities import (
     AGE,
-    AZIMUTH,
     BREATHING,
     HEART,
     HEIGHT,
     ORIENTATION,
     WEIGHT,
+    read_azimuth,
     read_last_length,
     read_lengths,
     refuse_misreadable,
@@ -252,7 +252,7 @@ def _read_common(said: PersonWords) -> None:
     reader = said.reader
     read_manner(reader)
     read_lengths(reader, height=True)
-    AZIMUTH.read(reader)
+    read_azimuth(reader)
     reader.take(vocabulary.IN_VIEW, "within the radar's view, where everything is")
     both_ways = reader.take(vocabulary.BOTH_WAYS, "to and from the radar")
     if both_ways:

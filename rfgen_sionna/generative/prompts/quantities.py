@@ -140,7 +140,7 @@ ORIENTATION = Quantity(
     "orientation", "°", (-180.0, 360.0),
     (
         rf"(?:with |at |in )?<a>(?:{_RANDOM} )?(?:(?:body|yaw|facing|rotation|heading) )?(?:orientation|yaw|rotation|heading|facing direction|direction)(?: angle)?s?(?: range[sd]?| varies| varying| drawn| chosen)?(?: (?:of|at|is|in|within))?(?: the range)?(?: (?:of|from))? {_ABOUT}(?P<value><r>)(?: degrees?)?(?: (?:to (?:the |<a>own )?)?(?P<side>left|right))?",
-        rf"(?:(?:randomly )?{_TURNED} )?(?:(?:at|by|through|within) )?(?:<a>(?:{_RANDOM} )?(?:angles?|range) (?:of )?)?(?P<value><r>) degrees?(?: (?:to (?:the |<a>own )?)?(?P<side>left|right))?(?: (?:to|from) {RADAR})?",
+        rf"(?:(?:randomly )?{_TURNED} )?(?:(?:at|by|through|within) )?(?:<a>(?:{_RANDOM} )?(?:angles?|range) (?:of )?)?(?P<value><r>) degrees?(?: (?:to <a>(?:own )?)?(?P<side>left|right))?(?: (?:to|from) {RADAR}| orientation)?",
     ),
     unspecific=(
         rf"(?:(?:with|at|in|{_TURNED})(?: (?:to|in|at|into|towards?))? )?<a>{_RANDOM} (?:(?:facing|body|yaw) )?(?:orientation|direction|angle|rotation|yaw|heading|way)s?"
@@ -218,6 +218,8 @@ RATE = Quantity("rate", " a minute", (1.0, 400.0), ())
 VEHICLE_SPEED = replace(SPEED, allowed=(0.001, 100.0))
 """Speed of an animal or a thing [m/s]."""
 
+_ASIDE = rf"(?:at )?(?:<a>angle of )?{_ABOUT}(?P<value><r>) degrees?(?: (?:(?:to|on) (?:the )?)?(?P<side>left|right)(?: side)?)?"
+"""An angle whose words leave open whether it is an azimuth or an orientation."""
 _BARE_LENGTH = (
     rf"(?:(?<=, )|^){_LENGTH}(?= ,|$)|(?:(?<=man )|(?<=male )|(?<=person )|(?<=adult )|(?<=~ ))(?:of )?"
     rf"{_LENGTH.replace('<value>', '<value2>').replace('<unit>', '<unit2>')}(?= (?:,|and|~)|$)"
@@ -264,6 +266,33 @@ def read_last_length(reader: Reader) -> None:
 
 def _metres(unit: str) -> float:
     return next(factor for start, factor in _SIZE.items() if unit.startswith(start))
+
+
+def read_azimuth(reader: Reader) -> None:
+    """Take azimuths, also angles to a side that follow a distance: "at 3 m, 30 degrees to the left".
+
+    Raises:
+        PromptError: one is out of range.
+    """
+    AZIMUTH.read(reader)
+    distances = tuple(words for words, _ in reader.found.get(DISTANCE.name, []))
+    for match in compile_pattern(_ASIDE).finditer(reader.text):
+        before = re.sub(r"(?: ,| and)* $", "", reader.said[: match.start()])
+        if match["side"] and before.endswith(distances):
+            low, high = limits(match["value"])
+            AZIMUTH.note(reader, match, *((-high, -low) if match["side"] == "right" else (low, high)))
+            reader.erase(*match.span())
+
+
+def open_angles(reader: Reader) -> tuple[str, ...]:
+    """Warnings of orientations whose words may also be a place: "45 degrees to the left"."""
+    found = (compile_pattern(_ASIDE).fullmatch(words) for words, _ in reader.found.get(ORIENTATION.name, []))
+    return tuple(
+        f"prompt: {match.group()!r} is read as an orientation, and may be a place: write 'turned {angle} to the {side}', "
+        f"or '{angle} {side} of boresight' for an azimuth"
+        for match in found
+        if match and (angle := f"{match['value']} degrees") and (side := match["side"] or "left")
+    )
 
 
 def read_lengths(reader: Reader, height: bool) -> None:

@@ -23,6 +23,8 @@ from rfgen_sionna.generative.prompts.quantities import (
     DISTANCE,
     ORIENTATION,
     VEHICLE_SPEED,
+    open_angles,
+    read_azimuth,
     read_lengths,
 )
 from rfgen_sionna.generative.prompts.scene_prompt import ScenePrompt
@@ -165,7 +167,7 @@ class _Reading:
         for quantity in (VEHICLE_SPEED, ALTITUDE):
             quantity.read(reader)
         read_lengths(reader, height=False)
-        AZIMUTH.read(reader)
+        read_azimuth(reader)
         reader.take(vocabulary.IN_VIEW, "within the radar's view, where everything is")
         moves = [name for name, each in kind.actions.items() if each.speed > 0.0]
         ways = []
@@ -176,6 +178,7 @@ class _Reading:
         if moves and "action" not in self.found and reader.find("moves", thing_words.MOVE, True, "moves"):
             ways.append("")
         ORIENTATION.read(reader)
+        notes = open_angles(reader)
         for angle, pattern in vocabulary.ORIENTATION_PATTERNS:
             reader.find("orientation", pattern, (angle, angle), f"orientation {angle:g}°")
         other = compile_pattern(thing_words.OTHER_WAYS).search(reader.text) if moves else None
@@ -221,7 +224,7 @@ class _Reading:
             bearing_deg=given["azimuth"], manner=manner, surroundings=None if place is None else str(place),
             understood=tuple(reader.understood), unused=reader.rest(vocabulary.FILLERS), origins=named,
             way=str(self.one("way") or ""),
-            height_m=given["height"], values=values,
+            height_m=given["height"], values=values, notes=notes,
         )  # fmt: skip
 
     def _actions(self) -> None:

@@ -13,6 +13,7 @@ from rfgen_sionna.generative.prompts import PromptError, read_prompt
 from rfgen_sionna.generative.prompts.human_nouns import is_human
 from rfgen_sionna.generative.prompts.person_words import read_wanted
 from rfgen_sionna.generative.prompts.vocabulary import FILLERS
+from rfgen_sionna.generative.several_actors import read_prompts
 
 quick = settings(deadline=None, max_examples=30)
 
@@ -68,6 +69,44 @@ def test_an_azimuth_is_the_same_in_every_wording(angle: int) -> None:
         f"{abs(angle)} degrees to the {side} of the boresight",
     ):
         assert value_of(f"a person jumps, {words}", "azimuth") == (angle, angle)
+
+
+@pytest.mark.parametrize(
+    ("words", "azimuth", "orientation"),
+    [
+        ("stands at 3 m, 30 degrees to the left", 30.0, None),
+        ("stands 3 m from the radar and 30° right", -30.0, None),
+        ("waves 2.5 m away, at an angle of 20 degrees to the left, turned 40 degrees to the right", 20.0, 320.0),
+        ("stands at 3 m, turned 30 degrees to the left", None, 30.0),
+        ("stands at 3 m, 30 degrees to her own left", None, 30.0),
+        ("stands 30 degrees to the left of the radar, facing 20 degrees to the right", 30.0, 340.0),
+    ],
+)
+def test_an_angle_after_a_distance_is_an_azimuth_and_one_of_somebody_an_orientation(
+    words: str, azimuth: float | None, orientation: float | None
+) -> None:
+    said = read_prompt(f"a person {words}")
+    assert (said.bearing_deg, said.orientation_deg, said.warnings) == (azimuth, orientation, ())
+
+
+@pytest.mark.parametrize("subject", ["a person", "a dog"])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_an_angle_that_may_be_either_is_an_orientation_with_a_warning(subject: str, side: str) -> None:
+    said = read_prompts(f"{subject} stands 30 degrees to the {side}").said[0]
+    assert said.orientation_deg == (30.0 if side == "left" else 330.0)
+    for wording, value in (
+        (f"turned 30 degrees to the {side}", (None, said.orientation_deg)),
+        (f"30 degrees {side} of boresight", (30.0 if side == "left" else -30.0, None)),
+    ):
+        assert f"'{wording}'" in said.warnings[0]
+        clear = read_prompts(f"{subject} stands {wording}").said[0]
+        assert (clear.bearing_deg, clear.orientation_deg, clear.warnings) == (*value, ())
+
+
+@pytest.mark.parametrize("path", ["~", "~nobody-at-all"])
+def test_the_path_of_no_scene_is_refused(path: str) -> None:
+    with pytest.raises(PromptError, match="environment: "):
+        read_prompt(f"action: push, environment: {path}")
 
 
 @quick
