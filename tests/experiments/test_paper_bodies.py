@@ -133,6 +133,31 @@ def test_a_network_finds_where_a_body_is() -> None:
     assert shape.shape == test.shape.shape
 
 
+def spots(count: int, seed: int) -> gestures.GestureSet:
+    """Spots that come nearer or recede, or go to the left or to the right, over noise."""
+    rng = np.random.default_rng(seed)
+    ways = {"pull": (2, 0), "push": (-2, 0), "swipe_left": (0, 2), "swipe_right": (0, -2)}
+    names = [list(ways)[number % 4] for number in range(count)]
+    images = 0.2 * rng.uniform(size=(count, 8, 32, 32))
+    for number, name in enumerate(names):
+        places = rng.integers(14, 18, 2) + np.arange(-4, 4)[:, None] * ways[name]
+        for frame, (row, column) in enumerate(places):
+            images[number, frame, row - 1 : row + 2, column - 1 : column + 2] = 1.0
+    return gestures.GestureSet(torch.tensor(images, dtype=torch.float32), tuple(names), np.arange(count) % 2 * 30.0)
+
+
+@pytest.mark.slow
+def test_a_network_tells_ways_of_a_spot_apart() -> None:
+    training, test = spots(48, 0), spots(24, 1)
+    classes = sorted(set(training.gestures))
+    runs = gestures._runs(training, test, classes, 25, 1, seed=0)
+    turned, kinds = gestures._by_orientation(runs, test), gestures._by_gesture(runs, test)
+    assert kinds["mean"] > 0.85
+    assert set(turned["mean"]) == {"0", "30"}
+    assert np.mean(list(turned["mean"].values())) == pytest.approx(kinds["mean"])
+    assert sum(sum(row.values()) for row in turned["confusion"].values()) == len(test.gestures)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "main"), [("posture", posture.main), ("gestures", gestures.main)])
 def test_quick_form_writes_a_whole_report(name: str, main: Callable[[Any], None], tmp_path: Path) -> None:
