@@ -74,8 +74,8 @@ def bulk(properties, thickness, cos, frequency):
     ("board", "crosses"),
     [
         (pane(0.6, half=1.2), (True, True)),  # before the wall, and in the straight way
-        (pane(0.6, half=0.3, y=0.84), (False, True)),  # before the wall alone
-        (pane(1.5, half=0.3, y=0.9), (False, True)),  # between wall and ball
+        pytest.param(pane(0.6, half=0.3, y=0.84), (False, True), marks=SLOW),  # before the wall alone
+        pytest.param(pane(1.5, half=0.3, y=0.9), (False, True), marks=SLOW),  # between wall and ball
         pytest.param(pane(1.5, half=1.2), (True, True), marks=SLOW),  # there, and in the straight way
         pytest.param(pane(0.9, half=0.3), (True, False), marks=SLOW),  # in the straight way alone
     ],
@@ -108,7 +108,7 @@ def test_each_leg_of_a_ghost_takes_the_slab_s_coefficient_and_delay(radar, board
         assert 2 * (middle(paths) - middle(free[way])) == pytest.approx(extra, rel=0.01, abs=2e-4)
 
 
-@pytest.mark.parametrize("behind", [False, True])
+@pytest.mark.parametrize("behind", [pytest.param(False, marks=SLOW), True])
 def test_by_a_metal_wall_twice_all_is_as_if_unfolded(behind):
     """Image theory with polarisation: a ghost by a metal wall both times is the straight return of an image, and
     what stands between wall and ball is an image as well; for elements at 45 degrees and a slab aslant."""
@@ -149,6 +149,7 @@ def test_rays_agree_about_a_ghost_through_a_slab(radar):
     assert abs(sums[0][1]).max() > 5 * allowed  # of some pairs the two ways fade
 
 
+@pytest.mark.slow
 def test_tx_and_rx_changed_over_exchange_the_two_ways_and_leave_the_sum(radar):
     place = np.array([[0.0, 0.03, 0.01]])
     ends = {"tx_names": ("T",), "rx_names": ("R",), "waveform": replace(radar.waveform, tx_order=(0,))}

@@ -38,7 +38,7 @@ FAR = np.array([5.0, 0.2, 1.0])  # where the images are 58 degrees apart: beyond
 
 def corridor(left, right, thickness=0.1):
     def wall(y, material):
-        return [[-1.0, y, -1], [4.0, y, -1], [4.0, y, 3], [-1.0, y, 3]], material, thickness
+        return [[-0.4, y, 0.6], [4.0, y, 0.6], [4.0, y, 1.4], [-0.4, y, 1.4]], material, thickness
 
     return load_scene(scene_of(77e9, left=wall(SIDE, left), right=wall(OTHER, right)).sionna)
 
@@ -57,11 +57,12 @@ def radar():
 
 @pytest.fixture(scope="module")
 def ball():
-    return MeshActor.from_mesh(sphere(), material="pec", position=BALL, name="ball")
+    return MeshActor.from_mesh(sphere(4), material="pec", position=BALL, name="ball")
 
 
 @pytest.mark.parametrize(
-    ("left", "right"), [("pec", "pec"), pytest.param("pec", "concrete", marks=pytest.mark.slow), ("concrete", "wood")]
+    ("left", "right"),
+    [*(pytest.param("pec", each, marks=pytest.mark.slow) for each in ("pec", "concrete")), ("concrete", "wood")],
 )
 def test_they_are_as_far_and_as_strong_as_between_the_two_images(radar, left, right):
     """Half a decibel for each element pair; delays to what the ball's facets are from its specular point."""
@@ -122,7 +123,7 @@ def test_they_are_the_dense_quadrature_with_each_wall_s_own_fields(seed):
         assert abs(total - truth) < allowed
 
 
-@pytest.mark.parametrize(("reach", "visible"), [(0.03, True), (-0.03, False)])
+@pytest.mark.parametrize(("reach", "visible"), [pytest.param(0.03, True, marks=pytest.mark.slow), (-0.03, False)])
 def test_the_range_window_is_of_the_whole_way(radar, reach, visible, monkeypatch):
     """By one wall a small ball is within it, by the other beyond: the mean of the two ways tells."""
     point = MeshActor.from_mesh(sphere(3, 0.01), material="pec", position=BALL, name="ball")
@@ -147,6 +148,7 @@ def test_a_radar_that_moves_sees_those_of_one_that_stands_there(radar, ball):
         assert abs(channel(here[way]) - channel(paths)).max() < 5e-3 * abs(channel(paths)).max()
 
 
+@pytest.mark.slow
 def test_changing_tx_and_rx_over_exchanges_them(ball):
     one, other = changed_over()
     scene = corridor("concrete", "glass")
@@ -161,12 +163,12 @@ def test_changing_tx_and_rx_over_exchanges_them(ball):
 def test_what_stands_before_one_of_the_walls_removes_both_ways_round(radar, side):
     wall = SIDE if side > 0 else OTHER
     crossing = np.array([wall / (2 * wall - BALL[1]) * BALL[0], wall, 1.0])
-    ball = MeshActor.from_mesh(sphere(4), material="pec", position=BALL, name="ball")
+    ball = MeshActor.from_mesh(sphere(3), material="pec", position=BALL, name="ball")
     board = MeshActor.from_mesh(
         trimesh.creation.box((0.2, 0.2, 0.3)), material="wood", position=0.5 * (crossing + BALL), name="board"
     )
     free, hidden = (
-        of(Simulator(corridor("pec", "pec"), radar, actors, rtol=1e-2, max_bounces=None).paths())
+        of(Simulator(corridor("pec", "pec"), radar, actors, rtol=5e-2, max_bounces=None).paths())
         for actors in ([ball], [ball, board])
     )
     for way, paths in across(free).items():
@@ -181,7 +183,7 @@ def test_two_bounces_have_none(radar, ball):
 def test_over_time_they_follow_both_images(radar):
     """Across the corridor at 1 m/s the delay changes by one image's rate and the other's, which nearly cancel."""
     velocity = np.array([0.0, 1.0, 0.0])
-    actor = MeshActor.from_mesh(sphere(4, 0.02), material="metal", position=BALL, velocity=velocity, name="ball")
+    actor = MeshActor.from_mesh(sphere(3, 0.02), material="metal", position=BALL, velocity=velocity, name="ball")
     simulator = Simulator(corridor("metal", "metal"), radar, [actor], rtol=1e-2, max_bounces=None)
     traced = simulator.tracer.trace(0.0, radar.waveform.frame_length).moving
     for knot, t in enumerate(traced.times):
@@ -260,7 +262,7 @@ def test_round_furniture_has_those_of_an_actor(radar):
 def test_what_the_radar_does_not_see_of_round_furniture_is_shown_by_a_wall(radar):
     """A wall aslant behind a ball shows the radar its far side, there and back, 108 degrees from the near one: as of an
     actor, and as strong as a sphere that is seen from the image."""
-    wall = [[3.2, -0.2, -1], [1.0, 2.0, -1], [1.0, 2.0, 3], [3.2, -0.2, 3]]
+    wall = [[3.2, -0.2, 0.6], [1.0, 2.0, 0.6], [1.0, 2.0, 1.4], [3.2, -0.2, 1.4]]
     behind = load_scene(scene_of(77e9, wall=(wall, "pec", 0.1)).sionna)
     place = np.array([2.0, 0.0, 1.0])
     scene = scene_with_mesh(sphere(4, 0.1).apply_translation(place), behind)

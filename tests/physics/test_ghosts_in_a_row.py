@@ -58,7 +58,7 @@ def radar():
     return Radar.load("awr1843", position=VIEW, overrides=ISOTROPIC)
 
 
-@pytest.mark.parametrize(("left", "right"), [("pec", "pec"), ("concrete", "wood")])
+@pytest.mark.parametrize(("left", "right"), [pytest.param("pec", "pec", marks=pytest.mark.slow), ("concrete", "wood")])
 def test_they_are_as_far_and_as_strong_as_the_image_of_the_image_says(radar, left, right):
     """Half a decibel for each element pair, delays to what the ball's facets are from its specular point."""
     scene, ball = corridor(left, right), MeshActor.from_mesh(sphere(), material="pec", position=FAR, name="ball")
@@ -237,6 +237,7 @@ def test_what_stands_in_one_of_the_legs_removes_them(radar, leg):
             assert channel(hidden[-1, there])[0, 0] == pytest.approx(channel(free[-1, there])[0, 0], rel=0.1)
 
 
+@pytest.mark.slow
 def test_two_bounces_have_none(radar):
     ball = MeshActor.from_mesh(sphere(3), material="pec", position=FAR, name="ball")
     paths = of(Simulator(corridor("pec", "pec"), radar, [ball], rtol=1e-2, max_bounces=2).paths())

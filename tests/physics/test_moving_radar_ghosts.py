@@ -163,7 +163,7 @@ def test_samples_of_the_ghost_by_a_metal_wall_twice_are_those_of_the_image_witho
     assert abs(np.angle(np.exp(1j * (turn - law)))) < 0.3
 
 
-@pytest.mark.parametrize(("kind", "count"), [("dihedral", 2), ("square", 3)])
+@pytest.mark.parametrize(("kind", "count"), [pytest.param("dihedral", 2, marks=pytest.mark.slow), ("square", 3)])
 def test_corner_reflectors_that_stay_return_the_same_to_a_radar_that_passes(kind, count):
     """As a thing of the scene: by two sides, and by all three, of which each two meet."""
     vertices, faces, _, turn = corner(kind, 0.1)

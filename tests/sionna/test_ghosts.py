@@ -15,10 +15,10 @@ def test_a_ball_over_a_concrete_floor_has_sionna_s_ghosts():
     import sionna.rt.rcs
 
     radar = Radar.load("awr1843", position=(0, 0, 1.0), overrides={"pattern": {"kind": "sionna:iso"}})
-    mesh = trimesh.creation.icosphere(subdivisions=5, radius=0.02)
+    mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.02)
     actor = MeshActor.from_mesh(mesh, material="metal", position=(4, 0, 0.6), velocity=(0.5, 0.0, -1.5), name="ball")
     scene = scene_of(radar.center_frequency)
-    floor = [[-3, -3, 0], [6, -3, 0], [6, 3, 0], [-3, 3, 0]]
+    floor = [[-0.5, -0.8, 0], [5, -0.8, 0], [5, 0.8, 0], [-0.5, 0.8, 0]]
     add_rectangles(scene, floor=(floor, "concrete", 0.2))
     ours = Simulator(load_scene(scene.sionna), radar, [actor], rtol=1e-2, max_bounces=None).paths()
     ours = ours.select(ours.object_id == ours.object_names.index("ball"))
