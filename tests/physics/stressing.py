@@ -14,7 +14,7 @@ from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.reference.physical_optics import po_gain
 
-FEW = settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+FEW = settings(max_examples=6, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
 
 def one_element(**waveform) -> Radar:

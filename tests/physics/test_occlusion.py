@@ -1,5 +1,8 @@
 """What stands in the way hides, and what is hidden of the static scene is missing from the signal."""
 
+from functools import cache
+from itertools import product
+
 import numpy as np
 import pytest
 import trimesh
@@ -183,6 +186,10 @@ def test_actor_takes_from_the_wall_what_it_hides(radar, tmp_path):
     assert traced.report.rays > 0
 
 
+def isotropic():
+    return Radar.load("awr1843", position=(0, 0, 1), look_at=(3, 0, 1), overrides={"pattern": {"kind": "sionna:iso"}})
+
+
 SCREEN = """<shape type="rectangle" id="screen">
         <transform name="to_world">
             <scale x="0.4" y="0.4"/><rotate y="1" angle="-90"/><translate x="2" y="{y}" z="1"/>
@@ -192,8 +199,10 @@ SCREEN = """<shape type="rectangle" id="screen">
 </scene>"""
 
 
-def left_of_the_wall(radar, y, half_width):
+@cache
+def left_of_the_wall(y, half_width):
     """What a screen half way leaves of the wall's return, as 16 million points say."""
+    radar = isotropic()
     n = 4000
     grid = 0.8 * ((np.arange(n) + 0.5) / n - 0.5)
     place = [4.0, grid[:, None], grid[None, :]]
@@ -208,13 +217,22 @@ def left_of_the_wall(radar, y, half_width):
     return (wave * visible).sum() / wave.sum()
 
 
-@pytest.mark.parametrize("rtol", [1e-2, 1e-3])
-@pytest.mark.parametrize("who", ["furniture", "actor"])
-@pytest.mark.parametrize("y", [0.41, -0.33])
+@pytest.mark.parametrize(
+    ("who", "y", "rtol"),
+    [
+        ("furniture", 0.41, 1e-3),
+        ("actor", 0.41, 1e-2),
+        *(
+            pytest.param(who, y, rtol, marks=pytest.mark.slow)
+            for who, y, rtol in product(("furniture", "actor"), (0.41, -0.33), (1e-2, 1e-3))
+            if (who, y, rtol) not in (("furniture", 0.41, 1e-3), ("actor", 0.41, 1e-2))
+        ),
+    ],
+)
 def test_half_a_wall_is_the_dense_quadrature_of_what_is_seen(tmp_path, who, y, rtol):
     """A screen's edge through the wall's facets near the mirror point, where each has a phase of its own: level and
     phase against the wall alone."""
-    radar = Radar.load("awr1843", position=(0, 0, 1), look_at=(3, 0, 1), overrides={"pattern": {"kind": "sionna:iso"}})
+    radar = isotropic()
     whole, half = tmp_path / "whole.xml", tmp_path / "half.xml"
     whole.write_text(BACKDROP)
     half.write_text(BACKDROP.replace("</scene>", SCREEN.format(y=y)))
@@ -226,7 +244,7 @@ def test_half_a_wall_is_the_dense_quadrature_of_what_is_seen(tmp_path, who, y, r
         sim = Simulator(str(whole), radar, [MeshActor.from_mesh(board, material="pec", position=(2, y, 1))], rtol=rtol)
     found = channel(of(sim.paths(), "wall")) / channel(alone)
     stated = sim.tracer.trace(0.0, 0.0).report.error * sim.tracer.static.level / abs(channel(alone))
-    truth = left_of_the_wall(radar, y, 0.4)
+    truth = left_of_the_wall(y, 0.4)
     # Half of the tolerance is the shadow's; the quadrature's scalar fields differ from the wall's own by 0.1 %, twice.
     assert abs(found - truth) < min(max(0.5 * rtol, 2e-3), stated + 2e-3)
     if who == "actor":  # its shadow on the wall is in what is stated
@@ -244,7 +262,7 @@ BOX = """<scene version="2.1.0">
 </scene>"""
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_a_box_that_stays_returns_what_one_that_moves_does(tmp_path, seed):
     """Of what stays no face is left out for looking away: rays alone must find that it is hidden, up to its rim."""
     rng = np.random.default_rng(seed)
@@ -278,11 +296,12 @@ def test_wall_is_an_image_of_the_radar(radar, tmp_path):
 
 @pytest.fixture(scope="module")
 def furnished() -> tuple[Radar, StaticTrace]:
-    """The living room, traced to 1 %."""
+    """The living room, traced to 3 %."""
     radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
-    return radar, Tracer(load_scene("living_room"), radar, [], 1e-2).static
+    return radar, Tracer(load_scene("living_room"), radar, [], 3e-2).static
 
 
+@pytest.mark.slow
 def test_a_furnished_room_misses_no_more_of_its_shadows_than_is_allowed(furnished, monkeypatch):
     """Edges of shadows are looked at more closely: what a few hundred thousand facets miss adds up in part. All of it
     from the phase centre: what pairs see beside edges is stated by itself."""
@@ -312,13 +331,13 @@ def test_what_goes_behind_another_does_not_state_more_than_it_returned(radar):
     """A screen that goes before a ball at 1 m/s hides it by the end of the frame: what is unknown of the shadow's edge
     is a part of what the ball returned before, however little is left (more than the whole of it, relative to that)."""
     ball = MeshActor.from_mesh(
-        trimesh.creation.icosphere(subdivisions=4, radius=0.05), material="metal", position=(2, 0, 1), name="ball"
+        trimesh.creation.icosphere(subdivisions=3, radius=0.05), material="metal", position=(2, 0, 1), name="ball"
     )
     board = trimesh.creation.box((1e-3, 0.3, 0.3))
     screen = MeshActor.from_mesh(
         board, material="metal", position=(1, -0.144, 1), velocity=(0, 1, 0), orientation=(0.5, 0.3, 0)
     )
-    tracer = Simulator(None, radar, [ball, screen], rtol=0.01).tracer
+    tracer = Simulator(None, radar, [ball, screen], rtol=0.03).tracer
     before, behind = (abs(channel(of(tracer.trace(t, t).moving, "ball"))) for t in (0.0, 0.0276))
     assert behind < 0.3 * before
     assert tracer.trace(0.0, 0.0276).report.error < 0.25

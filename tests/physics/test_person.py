@@ -88,7 +88,7 @@ def test_walking_shows_the_speeds_of_the_mesh(radar):
     tracer = Tracer(None, fast, [person])
     resolution = fast.wavelength / (2 * fast.waveform.frame_length)
     fastest_limb = 0.0
-    for start in (0.8, 1.0, 1.2):
+    for start in (0.8, 1.1):
         parts = tracer.trace(start, start + fast.waveform.frame_length).actors
         paths = RadarPaths.concatenate([each.at(parts[-1].times) for each in parts])
         middle = start + 0.5 * fast.waveform.frame_length

@@ -90,12 +90,13 @@ def test_diffuse_level_is_the_lambertian_one():
     rough = replace(MATERIALS["pec"] if "pec" in MATERIALS else MATERIALS["metal"], scattering_coefficient=1.0)
     simulator = radar()
     powers = [
-        abs(channel(Simulator(None, simulator, [plate(rough, distance, tilt, size)], seed=seed).paths())) ** 2
-        for seed in range(200)
+        abs(channel(Simulator(None, simulator, [plate(rough, distance, tilt, size)], rtol=1e-2, seed=seed).paths()))
+        ** 2
+        for seed in range(100)
     ]
     expected = (simulator.wavelength / (4 * np.pi)) ** 2 * np.cos(tilt) ** 2 * size**2 / (np.pi * distance**4)
-    # The power of many random phases is exponentially distributed: the mean of 200 is right to 7 %, three sigma 21 %.
-    assert np.mean(powers) / expected == pytest.approx(1.0, abs=0.25)
+    # The power of many random phases is exponentially distributed: the mean of 100 is right to 10 %, three sigma 30 %.
+    assert np.mean(powers) / expected == pytest.approx(1.0, abs=0.3)
 
 
 @pytest.mark.slow
@@ -187,7 +188,7 @@ def test_patterns_that_are_none():
         replace(MATERIALS["concrete"], xpd_coefficient=2.0)
 
 
-@pytest.mark.parametrize("baseline", [0.05, 1.0, 3.0])
+@pytest.mark.parametrize("baseline", [*(pytest.param(b, marks=pytest.mark.slow) for b in (0.05, 1.0)), 3.0])
 def test_elements_far_apart_see_each_their_own_side_of_a_rough_plate(baseline):
     """Metal, all of whose energy is scattered after Lambert: against the integral of cos(theta_i) cos(theta_s) / pi
     over the square of both distances, from the elements' own places."""

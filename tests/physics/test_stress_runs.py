@@ -173,11 +173,11 @@ def alone() -> dict[tuple[int, int], bytes]:
     return {job: small_run(*job) for job in JOBS}
 
 
-@settings(FEW, max_examples=3)
+@settings(FEW, max_examples=2)
 @given(order=st.randoms(use_true_random=False), threads=st.integers(2, 4))
 def test_random_interleavings_give_the_same_bits(order: random.Random, threads):
     """Whatever runs before or beside it, the same radar, scene and seed give the same samples to the bit."""
-    jobs = JOBS + [order.choice(JOBS) for _ in range(4)]
+    jobs = JOBS + [order.choice(JOBS) for _ in range(2)]
     order.shuffle(jobs)
     expected = alone()
     assert len(set(expected.values())) == len(JOBS)
@@ -193,13 +193,13 @@ def test_facets_are_as_fine_as_the_pose_asks_for_and_not_as_all_before_did():
     drifting = MeshActor.from_mesh(ball, material="wood", position=(1.5, 0.6, 0), name="ball", velocity=(0.145, 0, 0))
     tracer = Tracer(None, radar, [drifting], rtol=1e-3)
     run, length = tracer.follow(), radar.waveform.frame_length
-    counts = [tracer.trace(t, t + length, run).report.facets for t in np.arange(0.0, 3.4, 0.04)]
+    counts = [tracer.trace(t, t + length, run).report.facets for t in np.arange(0.0, 3.4, 0.06)]
     assert len(set(counts)) > 5
     assert max(counts) < 2 * counts[0]
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="only Linux tells the memory")
-@pytest.mark.parametrize("frames", [60, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("frames", [30, pytest.param(1000, marks=pytest.mark.slow)])
 def test_memory_does_not_grow_with_the_frames(frames):
     radar = one_element(frame_period=0.01)
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
