@@ -62,7 +62,14 @@ def check_found(radar, range_, azimuth_deg, elevation_deg, velocity):
         assert abs(visible[1] - towards[2]) < 0.1 * radar.wavelength / (extent[2] + half)
 
 
-SLOW = (("awr1642boost", "bpm"), ("awr2944evm", "four_tx"), ("awr2944evm", "ddm"))
+SLOW = (
+    ("awr1642boost", "bpm"),
+    ("awr2944evm", "out_of_box"),
+    ("awr2944evm", "four_tx"),
+    ("awr2944evm", "ddm"),
+    ("iwr6843isk", "out_of_box"),
+    ("bgt60tr13c", "breathing"),
+)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +131,10 @@ def test_a_ball_is_found_through_infineon_s_configuration(tmp_path):
     check_found(Radar.load(path, **POSE), 1.4, 20.0, -15.0, 1.3)
 
 
-@pytest.mark.parametrize(("name", "sign"), [("iwr6843isk_ods", [1, -1, -1, 1]), ("iwr6843aop", [1, -1, 1, -1])])
+@pytest.mark.parametrize(
+    ("name", "sign"),
+    [pytest.param("iwr6843isk_ods", [1, -1, -1, 1], marks=pytest.mark.slow), ("iwr6843aop", [1, -1, 1, -1])],
+)
 def test_feeds_from_the_other_side_turn_raw_samples(name, sign):
     """Ahead of the board all 12 channels have one phase, but for the sign of two receivers."""
     radar = Radar.load(name, overrides={"preset.out_of_box.num_loops": 2})

@@ -82,7 +82,7 @@ def test_nothing_is_left_out_at_fine_tolerances(radar, monkeypatch):
 
 
 @pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
-@pytest.mark.parametrize("material", ["foam", "half a wavelength of plastic"])
+@pytest.mark.parametrize("material", ["foam", pytest.param("half a wavelength of plastic", marks=pytest.mark.slow)])
 def test_what_hardly_reflects_where_it_mirrors_the_radar(radar, rtol, material, monkeypatch):
     """Aslant it reflects all the more: nothing of it is taken for faint that is not."""
     made = MATERIALS["foam"]
@@ -97,7 +97,7 @@ def test_what_hardly_reflects_where_it_mirrors_the_radar(radar, rtol, material, 
 
 
 @pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
-@pytest.mark.parametrize("turn", [0.2, 0.5])
+@pytest.mark.parametrize("turn", [0.2, pytest.param(0.5, marks=pytest.mark.slow)])
 def test_of_what_cancels_less_is_left_out(radar, rtol, turn, monkeypatch):
     """A box that lies aslant returns little of what its facets do: the error stated is not that of the facets."""
     box = trimesh.creation.box((0.3, 0.3, 0.3)).subdivide_to_size(0.02)
@@ -166,7 +166,7 @@ def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
     assert visible.missed[0] >= left / any_visible * (1 - 1e-9)
 
 
-@pytest.mark.parametrize("permittivity", [1.0, 1.0 + 1e-15, 1.0 + 1e-12])
+@pytest.mark.parametrize("permittivity", [pytest.param(1.0, marks=pytest.mark.slow), 1.0 + 1e-15])
 def test_a_surface_of_air_returns_nothing(permittivity, radar):
     """Rounding leaves it a reflection of 1e-16, which no tolerance can be relative to: facets were made finer for half
     a minute. It still hides what is behind it."""

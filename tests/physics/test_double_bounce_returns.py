@@ -83,7 +83,9 @@ RODS = (
 """Radius, height, middle and axis of two that lean."""
 
 
-@pytest.mark.parametrize(("sections", "rings"), [(32, 1), (64, 1), (64, 16)])
+@pytest.mark.parametrize(
+    ("sections", "rings"), [(32, 1), *(pytest.param(64, each, marks=pytest.mark.slow) for each in (1, 16))]
+)
 def test_rods_that_lean_have_their_glint_however_they_are_meshed(radar, sections, rings):
     """As long as a face, or in sixteen rings: two paths, as long and as strong as where they are meshed finely."""
 

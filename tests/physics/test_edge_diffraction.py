@@ -80,11 +80,11 @@ def error_and_stated(radar, sides, **options):
 
 CASES = (
     # Kind, frequency [GHz], widths and height [m], distance [m], yaw, pitch, roll [degrees], polarisation
-    ("dihedral", 24, (0.1, 0.1, 0.1), 3.0, (0, 0, 0), "V"),
+    pytest.param("dihedral", 24, (0.1, 0.1, 0.1), 3.0, (0, 0, 0), "V", marks=SLOW),
     ("dihedral", 24, (0.1, 0.07, 0.1), 3.0, (25, 0, 0), "H"),
     ("dihedral", 24, (0.12, 0.04, 0.1), 2.0, (10, 3, 20), "V"),
     ("dihedral", 24, (0.117, 0.117, 0.117), 0.275, (0, 0, 0), "H"),
-    ("dihedral", 77, (0.05, 0.05, 0.05), 8.0, (10, 2, 0), "V"),
+    pytest.param("dihedral", 77, (0.05, 0.05, 0.05), 8.0, (10, 2, 0), "V", marks=SLOW),
     ("trihedral", 24, (0.05, 0.05, 0.05), 0.15, (10, -10, 0), "V"),
     ("trihedral", 24, (0.1, 0.06, 0.08), 2.0, (5, 5, 0), "V"),
     pytest.param("dihedral", 77, (0.1, 0.1, 0.1), 3.0, (0, 0, 0), "V", marks=SLOW),

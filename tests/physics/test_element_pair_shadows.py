@@ -79,7 +79,7 @@ def test_each_pair_sees_the_shadow_from_its_own_place(edge, rtol):
     assert levels > (0.8 if edge < 0 else 2.0)  # pairs differ by so much
 
 
-@pytest.mark.parametrize("still", ["plate", "screen", "both"])
+@pytest.mark.parametrize("still", ["plate", "screen", pytest.param("both", marks=pytest.mark.slow)])
 def test_of_what_stays_and_of_what_moves_alike(tmp_path, still):
     edge, rtol, meshes, scene, actors = 0.013, 1e-2, {}, rt.load_scene(), []
     meshes["plate"] = rectangle(PLATE, -WIDTH / 2, WIDTH / 2, WIDTH / 2)
@@ -98,7 +98,8 @@ def test_of_what_stays_and_of_what_moves_alike(tmp_path, still):
 
 
 @pytest.mark.parametrize(
-    ("edge", "other", "error"), [(-0.0015, 0.0015, 0.03), (-0.004, 0.004, 0.02), (0.003, 0.02, 0.01)]
+    ("edge", "other", "error"),
+    [(-0.0015, 0.0015, 0.03), pytest.param(-0.004, 0.004, 0.02, marks=pytest.mark.slow), (0.003, 0.02, 0.01)],
 )
 def test_through_a_slit_each_pair_sees_its_own_part_or_nothing(edge, other, error):
     """Tx and Rx 5 to 19 mm apart see parts of the plate through a slit of 3 mm that have nothing in common, but

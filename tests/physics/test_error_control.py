@@ -56,7 +56,7 @@ def facing(actor):
 
 
 @pytest.mark.parametrize("rtol", [1e-2, 1e-3])
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 8))])
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=SLOW) for seed in range(2, 8))])
 def test_true_error_stays_under_the_stated_one(seed, rtol):
     """A box, tilted at random: from its edges alone, mostly, as a face is hardly ever square to the radar.
 
@@ -97,7 +97,7 @@ def test_it_holds_for_what_comes_back_across_its_polarisation(seed, rtol):
     assert error < report.error < max(20 * rtol, 0.03)  # of returns up to 71 dB below co-polar ones
 
 
-@pytest.mark.parametrize("rtol", [1e-2, 1e-3])
+@pytest.mark.parametrize("rtol", [1e-2, pytest.param(1e-3, marks=SLOW)])
 def test_a_weak_actor_beside_strong_ones_returns_what_it_does_alone(rtol):
     """A tilted metal box, 40 dB below a plate square to the radar beside it."""
     radar = Radar.load("awr1843", overrides={"pattern": {"kind": "sionna:iso"}})

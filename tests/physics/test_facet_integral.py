@@ -91,7 +91,7 @@ def test_far_tilted_plate_follows_the_sinc():
         assert abs(a) / peak == pytest.approx(abs(np.cos(tilt) * np.sinc(argument)), abs=2e-3)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [*range(6), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(6, 12))])
 def test_facets_agree_with_dense_quadrature(seed):
     """Random facets, materials, polarisations and bistatic element pairs, at several tolerances.
 
@@ -118,8 +118,7 @@ def test_facets_agree_with_dense_quadrature(seed):
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, 0.8])
-@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-4])
-def test_large_plate_meets_the_tolerance(rtol, tilt):
+def test_large_plate_meets_the_tolerance(tilt):
     """Half a metre square at 1.5 m, 77 GHz: 130 wavelengths of facets that all make the same error.
 
     The error stays under rtol of the mirror's gain whether the mirror point is on the plate or far off it: no grating
@@ -138,9 +137,10 @@ def test_large_plate_meets_the_tolerance(rtol, tilt):
         r = np.linalg.norm(points, axis=1)
         truth += w * (weight / 2 * np.abs(points @ normal) / r**3 * np.exp(-2j * k * r)).sum()
     truth *= -1j / (4 * np.pi)
-    corners = split(vertices, faces, frequency, rtol)
     mirror = 1 / (4 * k * 1.5)
-    assert abs(channel(corners, np.zeros(3), np.zeros(3), frequency) - truth) < rtol * mirror
+    for rtol in (1e-2, 1e-3, 1e-4):
+        corners = split(vertices, faces, frequency, rtol)
+        assert abs(channel(corners, np.zeros(3), np.zeros(3), frequency) - truth) < rtol * mirror
 
 
 def dense_plate(side, distance, tilt, frequency):

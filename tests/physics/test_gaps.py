@@ -47,8 +47,8 @@ def channel(paths, name):
     return complex((paths.a[0, 0, mine, 0] * np.exp(-1j * phase)).sum())
 
 
-@pytest.mark.parametrize("turn", [0.15, 0.4, 1.1])
-@pytest.mark.parametrize("rtol", [1e-2, 1e-3])
+@pytest.mark.parametrize("turn", [0.15, *(pytest.param(each, marks=pytest.mark.slow) for each in (0.4, 1.1))])
+@pytest.mark.parametrize("rtol", [pytest.param(1e-2, marks=pytest.mark.slow), 1e-3])
 def test_a_plate_behind_a_slit_returns_what_the_slit_lets_through(radar, turn, rtol):
     """A slit of 3 mm half way to a plate of 30 cm at 2 m: against 4 million points, each with a ray of its own.
 

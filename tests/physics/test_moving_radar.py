@@ -164,7 +164,7 @@ def test_a_turning_radar_sees_the_target_turn_the_other_way():
     assert levels[0] == pytest.approx(levels[1], abs=0.4)
 
 
-@pytest.mark.parametrize("axis", ["yaw", "pitch"])
+@pytest.mark.parametrize("axis", ["yaw", pytest.param("pitch", marks=pytest.mark.slow)])
 def test_the_beam_of_a_radar_that_turns_fast_passes_a_still_ball(axis):
     """At ten turns a second, 100 degrees in a frame: the ball's distance stays, and its level from chirp to chirp is
     the pattern's two-way gain that way, to what is stated; it was 10 and 63 % off of itself."""

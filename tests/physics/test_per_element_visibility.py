@@ -269,7 +269,7 @@ def test_edges_of_what_stays_that_the_phase_centre_does_not_see(name, before, as
             assert np.abs(by(traced, t if length else None) - truth).max() < 0.015 * np.abs(truth).max()
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.4, 1.5])
+@pytest.mark.parametrize("yaw", [0.0, *(pytest.param(each, marks=SLOW) for each in (0.4, 1.5))])
 def test_what_nothing_stands_before_is_not_looked_at_from_elsewhere(yaw, monkeypatch):
     """A box whose sides are seen edge on, a plate and a ball beside one another: their own outlines are no shadows."""
     asked = []

@@ -74,16 +74,15 @@ def truth(mesh, radar, orientation, points=6) -> complex:
     ("radius", "yaw"),
     [(0.01, 0.0), *(pytest.param(*each, marks=pytest.mark.slow) for each in [(0.03, 0.03), (0.01, 0.3)])],
 )
-def test_the_sides_of_a_rounded_box_are_flat(radius, yaw):
+@pytest.mark.parametrize("steps", [4, pytest.param(9, marks=pytest.mark.slow)])
+def test_the_sides_of_a_rounded_box_are_flat(radius, yaw, steps):
     """Of 4 or 9 steps to an edge: within 1.5 %, as edges of 32 are. With the sides bent towards the edges, by a
     millimetre, it was 4 to 15 dB off."""
     radar, orientation = one_element(), (yaw, 0.0, 0.0)
     expected = truth(rounded_box(32, radius=radius), radar, orientation)
-    for steps in (4, 9):
-        box = MeshActor.from_mesh(
-            rounded_box(steps, radius=radius), material="pec", position=BEFORE, orientation=orientation
-        )
-        assert abs(traced(radar, box)[0] / expected - 1) < 0.015, steps
+    mesh = rounded_box(steps, radius=radius)
+    box = MeshActor.from_mesh(mesh, material="pec", position=BEFORE, orientation=orientation)
+    assert abs(traced(radar, box)[0] / expected - 1) < 0.015
 
 
 @pytest.mark.slow

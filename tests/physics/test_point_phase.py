@@ -21,10 +21,17 @@ MOTIONS = {
     "0.1 mm at 20 Hz": lambda t: 1e-4 * np.sin(2 * np.pi * 20 * t),
     "both, on the way": lambda t: -1.2 * t + 25.0 * t**2 + 1e-4 * np.sin(2 * np.pi * 60 * t),
 }
+OFTEN = ("0.1 mm at 20 Hz", "mmmesh"), ("both, on the way", "mmmesh"), ("both, on the way", "bpm")
 
 
-@pytest.mark.parametrize("preset", ["mmmesh", "bpm"])
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize(
+    ("motion", "preset"),
+    [
+        pytest.param(motion, preset, marks=[] if (motion, preset) in OFTEN else pytest.mark.slow)
+        for motion in MOTIONS
+        for preset in ("mmmesh", "bpm")
+    ],
+)
 def test_a_targets_phase_over_frames_and_their_borders(motion, preset):
     """Ten frames of 16 loops, 2 ms from one to the next: within 0.1 degrees of 2 pi (f tau - mu tau^2 / 2).
 
@@ -66,7 +73,10 @@ def test_a_targets_phase_over_frames_and_their_borders(motion, preset):
     assert np.abs(error - error.mean()).max() < 0.1
 
 
-@pytest.mark.parametrize("frequency", [30.0, 60.0, 120.0, 200.0, 300.0, 390.0, 500.0, 700.0])
+@pytest.mark.parametrize(
+    "frequency",
+    [30.0, *(pytest.param(f, marks=pytest.mark.slow) for f in (60.0, 120.0, 200.0, 300.0, 500.0)), 390.0, 700.0],
+)
 def test_a_vibration_of_a_tenth_of_a_millimetre_over_a_whole_frame(frequency):
     """At the default tolerance, at every instant of the 27.6 ms: within 0.1 degrees of -2 pi f tau."""
     radar = Radar.load("awr1843", "mmmesh")

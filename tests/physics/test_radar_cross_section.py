@@ -61,7 +61,7 @@ def test_sphere_from_any_side():
     assert (found.error < 0.1).all()
 
 
-@pytest.mark.parametrize("polarization", ["VV", "HH"])
+@pytest.mark.parametrize("polarization", ["VV", pytest.param("HH", marks=pytest.mark.slow)])
 def test_dihedral(polarization):
     """8 pi a^2 b^2 / lambda^2 by two reflections, of which single ones have next to nothing."""
     found = rfgen.rcs(dihedral(), FREQUENCY, material="pec", max_bounces=2, polarization=polarization)

@@ -168,7 +168,8 @@ def test_a_plate_before_a_wall_is_integrated_for_the_wall_s_image_of_the_radar(e
         assert channel(found.select(found.bounces == 2))[0, 0] == pytest.approx(truth, rel=0.03 if off else 0.005)
 
 
-@pytest.mark.parametrize("edge", [0.05, pytest.param(0.3, marks=SLOW)])
+@pytest.mark.slow
+@pytest.mark.parametrize("edge", [0.05, 0.3])
 def test_a_plate_that_a_wall_shows_there_and_back_is_in_the_stated_error(edge):
     """A mirror between two walls, as narrow as it is: 7.9 dB too strong where it is 5 cm wide, 2.5 dB at 30 cm."""
     radar, place = replace(radar_of(77), position=(0, 0, 1)), np.array([2.0, 0.3, 1.0])
@@ -272,6 +273,7 @@ def test_more_rays_go_where_they_are_needed(radar):
     assert report.tubes[0] >= adaptive.paths.num_paths > 0  # the weakest make no paths
 
 
+@pytest.mark.slow
 @SLOW
 def test_the_pir_shows_a_ghost_where_the_radar_sees_it():
     """Beside the ball a wall shows it again: at the image's direction there is nothing by one surface."""

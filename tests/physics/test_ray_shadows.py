@@ -173,6 +173,7 @@ def test_where_no_shadow_falls_nothing_is_stated_for_shadows():
     assert (np.abs(channel(of(both.paths, "it")) / channel(of(alone.paths, "it")) - 1) < 0.01).all()
 
 
+@pytest.mark.slow
 def test_beside_a_cloth_there_is_no_strip_of_full_light():
     """What hides half of a plate lets nearly all through, there and back: as if it were opaque, pairs were 32 % off.
     Of a leg that goes through and one that goes past it rays know where the phase centre has both."""

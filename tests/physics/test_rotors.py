@@ -62,7 +62,7 @@ def compared(rate, blades, loops, step):
     return missed, frame.report
 
 
-@pytest.mark.parametrize("rate", [50.0, 100.0])
+@pytest.mark.parametrize("rate", [pytest.param(50.0, marks=pytest.mark.slow), 100.0])
 def test_samples_of_a_rotor_are_the_sum_of_its_paths(rate):
     """Of a blade at 50 and 100 turns a second, to a few per cent; the report states no less."""
     missed, report = compared(rate, 1, 24, 2)

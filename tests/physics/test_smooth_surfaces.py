@@ -20,6 +20,8 @@ from rfgen_sionna.tracing.tracer import Tracer
 VERTICAL = np.array([0.0, 0.0, 1.0])
 CONE = 0.06, 0.15
 """Radius and height [m]."""
+OFTEN = (0.02, 60.5e9), (0.05, 24.1e9), (0.05, 79e9), (0.15, 77e9)
+"""Radius [m] and frequency [Hz] of balls."""
 
 
 def radar_at(frequency):
@@ -54,7 +56,12 @@ def section(mesh, material, distance, radius, frequency, seeds=(0, 1)):
 
 @pytest.mark.parametrize(
     ("radius", "frequency"),
-    [(a, f) for a in (0.01, 0.02, 0.05, 0.15, 0.5) for f in (24.1e9, 60.5e9, 77e9, 79e9) if a * f > 20 * 48e6],
+    [
+        pytest.param(a, f, marks=[] if (a, f) in OFTEN else pytest.mark.slow)
+        for a in (0.01, 0.02, 0.05, 0.15, 0.5)
+        for f in (24.1e9, 60.5e9, 77e9, 79e9)
+        if a * f > 20 * 48e6
+    ],
 )
 def test_a_metal_sphere_of_1280_facets_agrees_with_mie(radius, frequency):
     """0.1 dB from ka = 80 on, 0.3 dB from ka = 20 on, where physical optics itself ends; 24 … 79 GHz, 1 … 50 cm."""
@@ -79,7 +86,7 @@ def test_a_metal_sphere_of_320_facets_is_within_a_tenth_of_a_decibel(radius):
 
 
 @pytest.mark.parametrize("material", ["skin", "concrete"])
-@pytest.mark.parametrize("radius", [0.05, 0.3])
+@pytest.mark.parametrize("radius", [0.05, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_spheres_of_skin_and_concrete_against_metal(material, radius):
     """The ratio to metal is that of the Mie series within 0.3 dB, at 77 GHz."""
     miepython = pytest.importorskip("miepython")
@@ -237,7 +244,7 @@ def cone_return(radar, actor, n=400):
     return -1j / (4 * np.pi) * (values * area).sum()
 
 
-@pytest.mark.parametrize("sections", [32, 64])
+@pytest.mark.parametrize("sections", [32, pytest.param(64, marks=pytest.mark.slow)])
 def test_the_sides_of_a_cone_are_straight(sections):
     """A cone of one ring of faces, seen square to its side: within 0.3 dB of quadrature; with a mean normal at its tip
     its sides bulged, 6 dB off."""

@@ -211,6 +211,7 @@ def test_samples_hold_what_is_glanced_at(radar):
     assert found[0].report.time_error > 0
 
 
+@pytest.mark.slow
 def test_a_plate_that_vibrates_keeps_the_knots_of_its_delays(radar):
     """An edge passes a plate that swings by 0.3 mm at 200 Hz: its delays have the knots that they ask for."""
     tracer = screened(radar)

@@ -53,7 +53,9 @@ RADARS = {
 }
 
 
-@pytest.mark.parametrize("name", RADARS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(each, marks=[pytest.mark.slow] * (each == "position2go_v11")) for each in RADARS]
+)
 def test_point_targets_are_where_they_are(name):
     """Range, velocity, azimuth, and elevation where the array has height, within a tenth of a cell."""
     radar = Radar.load(name, **POSE)
@@ -122,7 +124,7 @@ def peaks(radar, cube, distance, span=12.0):
     return np.degrees(azimuth[1:-1][inner])
 
 
-@pytest.mark.parametrize("quarter", [0, 1, 2, 3])
+@pytest.mark.parametrize("quarter", [0, 2, *(pytest.param(each, marks=pytest.mark.slow) for each in (1, 3))])
 def test_only_the_cascade_tells_two_targets_apart(quarter):
     """2.5 degrees apart at 8 m: a peak at each from the cascade (1.3 degrees a cell), not from the AWR1843 (14).
 

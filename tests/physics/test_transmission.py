@@ -71,7 +71,7 @@ def radar():
     [
         ("plasterboard", 0.0125, 0.0, "V"),
         ("wood", 0.02, 30.0, "H"),
-        ("glass", 0.006, 55.0, "V"),
+        pytest.param("glass", 0.006, 55.0, "V", marks=pytest.mark.slow),
         ("glass", 0.006, 55.0, "H"),
         pytest.param("clothing", 0.001, 55.0, "H", marks=pytest.mark.slow),
     ],
@@ -174,7 +174,7 @@ def test_round_clothes_are_gone_through_at_the_angle_of_each_point(radar):
     assert abs(found - expected) < 0.005 * abs(expected)
 
 
-@pytest.mark.parametrize("size", [1.0, 0.06])
+@pytest.mark.parametrize("size", [pytest.param(1.0, marks=pytest.mark.slow), 0.06])
 def test_what_is_cut_by_a_pane_s_rim_returns_what_an_opening_there_shows(radar, size):
     """A plate behind metal walls with a window: as through the open window, times what the glass leaves, of large
     triangles and of small ones. Elements are next to the phase centre, from which shadows of slabs are cast."""

@@ -70,8 +70,8 @@ def check(found, radar, target, *, elevation=False, columns=None):
 
 # preset, whether the array has height, targets: range [m], azimuth and elevation [deg], radial velocity [m/s].
 ONE_PROFILE = [
-    ("bpm", False, [(2.0, 0, 0, 0.4), (5.5, -25, 0, -5.0), (8.0, 12, 0, 3.1)]),
-    ("ddm", True, [(2.0, 0, 0, 0.0), (5.5, -25, 6, -3.0), (8.0, 12, -8, 2.1)]),
+    ("bpm", False, [(2.0, 0, 0, 0.4), (5.5, -25, 0, -5.0)]),
+    ("ddm", True, [(2.0, 0, 0, 0.0), (8.0, 12, -8, 2.1)]),
 ]
 
 
@@ -131,13 +131,14 @@ def test_a_code_unfolds_speeds():
 def test_each_profile_by_itself(preset, profile):
     radar = Radar.load("awr1843", preset, **POSE)
     target = (6.5, 17.0, 0.0, 1.4)
-    cube, chosen = select_profile(frame(radar, target), radar, profile)
+    whole = frame(radar, target)
+    cube, chosen = select_profile(whole, radar, profile)
     # The instant that range refers to is that of the profile's own chirps.
     shift = target[3] * (observation_time(chosen) - observation_time(radar.of_profile(0)))
     moved = (target[0] + shift, *target[1:])
     check(point_cloud(cube, chosen, max_points=1, static=True), chosen, moved)
     with pytest.raises(ValueError, match=r"has 2 profiles.*select_profile"):
-        range_doppler(frame(radar, target), radar)
+        range_doppler(whole, radar)
 
 
 def test_a_triangle_tells_range_from_doppler():
@@ -187,7 +188,7 @@ def test_a_beam_looks_where_its_phases_point():
     assert single.shape == radar.frame_shape
 
 
-@pytest.mark.parametrize("velocity", [3.3, -7.1])
+@pytest.mark.parametrize("velocity", [pytest.param(3.3, marks=pytest.mark.slow), -7.1])
 def test_a_constant_frequency_tells_speeds_alone(velocity):
     """One range bin; speed within a tenth of a cell, azimuth of the two elements too; no points."""
     radar = Radar.load("position2go", "doppler", **POSE)
