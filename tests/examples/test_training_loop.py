@@ -28,10 +28,17 @@ def learned(block, folder):
     return right, total
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """With a small set in it, as the documentation names it."""
+    folder = tmp_path_factory.mktemp("documentation")
+    make_set(folder / "tiny", count=24)
+    return folder
+
+
 @pytest.mark.parametrize("block", list(loops()))
-def test_the_loop_runs_and_learns(block, tmp_path):
-    make_set(tmp_path / "tiny", count=24)
-    right, total = learned(block, tmp_path)
+def test_the_loop_runs_and_learns(block, folder):
+    right, total = learned(block, folder)
     assert total == 8
     assert right >= 6  # chance is 4
 

@@ -263,6 +263,8 @@ def test_a_run_is_in_its_file(quick: dict[str, Any], folder: Path, tiny_toml: Pa
         assert run.radar == radar
         assert (run.prompt, run.negative_prompt, run.environment) == (PROMPT, "", "")
         assert run.seeds == {"body": 5, "motion": 5, "surroundings": None, "speckle": 5, "noise": 5}
+        assert receiver_from_record(run.receiver or {}, run.radar) == Receiver()
+        assert run.full_scale is not None
         assert {"rfgen_sionna", "sionna-rt", "numpy"} <= set(run.software)
         np.testing.assert_allclose(run.frame_times, [0, 0.05])
         # Meshes, images and labels are those of the middle of the frame's chirps.
@@ -307,14 +309,12 @@ def test_a_run_is_in_its_file(quick: dict[str, Any], folder: Path, tiny_toml: Pa
     with rfgen.generate(PROMPT, seed=5, output="again.h5", **quick) as run:
         np.testing.assert_array_equal(run.cube().data, samples)
         body = run.actors["person"].vertices(0)
-    with rfgen.generate(PROMPT, seed=6, output="other.h5", noise=False, **quick) as run:
+    # An earlier file is replaced where that is asked for.
+    with rfgen.generate(PROMPT, seed=6, output="again.h5", overwrite=True, noise=False, **quick) as run:
         assert not np.array_equal(run.cube().data, samples)
         assert not np.allclose(run.actors["person"].vertices(0), body, atol=1e-3)
         assert run.seeds == {"body": 6, "motion": 6, "surroundings": None, "speckle": 6, "noise": None}
         assert run.cube().seed is None
-    # An earlier file is replaced where that is asked for.
-    with rfgen.generate(PROMPT, seed=6, output="again.h5", overwrite=True, **quick) as run:
-        assert run.seeds["noise"] == 6
 
 
 def test_a_receiver_of_ones_own(quick: dict[str, Any], tmp_path: Path) -> None:
@@ -340,9 +340,6 @@ def test_a_receiver_of_ones_own(quick: dict[str, Any], tmp_path: Path) -> None:
         assert run.full_scale is None
         assert run.clipped == 0
         assert receiver_from_record(run.receiver or {}, run.radar) == Receiver.ideal()
-    with rfgen.generate(PROMPT, seed=5, output="usual.h5", **short) as run:
-        assert receiver_from_record(run.receiver or {}, run.radar) == Receiver()
-        assert run.full_scale is not None
 
 
 def test_the_prompt_says_where(quick: dict[str, Any], caplog: pytest.LogCaptureFixture) -> None:
@@ -353,7 +350,8 @@ def test_the_prompt_says_where(quick: dict[str, Any], caplog: pytest.LogCaptureF
         assert run.labels["distance"].values[0, 0] == pytest.approx(2.5, abs=0.2)
     assert "hat" in caplog.text
     placed = rfgen.Radar.load(quick["radar"], position=(5, 5, 1.2), look_at=(5, 8, 1.2))
-    with rfgen.generate("a person pushing", distance=1.0, output="placed.h5", **quick | {"radar": placed}) as run:
+    options = quick | {"radar": placed, "duration": 0.05}
+    with rfgen.generate("a person pushing", distance=1.0, output="placed.h5", **options) as run:
         np.testing.assert_allclose(run.labels["position"].values[0, 0, :2], [5, 6], atol=0.2)
         assert abs(run.labels["azimuth"].values[0, 0]) < 0.1
 
@@ -393,7 +391,7 @@ def test_the_report_is_told_before_the_frames_and_kept_in_the_file(
     [
         ("a person walks while raising the left arm", "walk", r"arms +left_arm_raised: .* from the prompt"),
         ("a person dances at 3 to 4 m", "dance", r"distance +3\.\d+ m +drawn from 3 to 4 m \(seed 2\)"),
-        ("the driver sits, tired", "sit", r"tired +yes +from the prompt"),
+        pytest.param("the driver sits, tired", "sit", r"tired +yes +from the prompt", marks=pytest.mark.slow),
     ],
 )
 def test_clips_and_manner_reach_a_run(quick: dict[str, Any], prompt: str, action: str, told: str) -> None:
@@ -487,24 +485,20 @@ def test_mistakes_on_the_command_line_end_with_code_2(
     assert list(folder.iterdir()) == []
 
 
-def test_the_command_line_says_each_thing_once(rfgen_command: Any, tiny_toml: Path) -> None:
+def test_the_command_line_writes_a_run_and_says_each_thing_once(
+    rfgen_command: Any, tiny_toml: Path, folder: Path
+) -> None:
     code, out, err = rfgen_command(
         *("generate", PROMPT + ", wearing a hat", "--environment", "free space", "--radar", tiny_toml),
-        *("--duration", 0.05, "--rtol", 0.03, "--pir-resolution", "8x8", "--no-pictures", "--output", "cli.h5"),
+        *("--duration", 0.05, "--rtol", 0.03, "--pir-resolution", "8x8", "--no-pictures", "--seed", 2),
+        *("--output", "cli.h5"),
     )
     assert code == 0, err
     assert err.count("hat'") == 1
     assert "effect: wearing a hat" not in out
-    assert out.count("drawn from seed 0") >= 3
+    assert out.count("drawn from seed 2") >= 3
     assert re.search(r"^  distance +1\.5 m +from the prompt *$", out, re.MULTILINE)
 
-
-def test_the_command_line_writes_a_run(rfgen_command: Any, tiny_toml: Path, folder: Path) -> None:
-    code, out, err = rfgen_command(
-        *("generate", PROMPT, "--environment", "free space", "--radar", tiny_toml, "--duration", 0.05),
-        *("--rtol", 0.03, "--pir-resolution", "8x8", "--no-pictures", "--seed", 2, "--output", "cli.h5"),
-    )
-    assert code == 0, err
     assert "wrote cli.h5" in out
     with rfgen.open_run(folder / "cli.h5") as run:
         assert run.adc.shape == (1, 8, 2, 4, 64)

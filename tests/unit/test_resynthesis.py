@@ -97,7 +97,7 @@ def test_more_power_is_more_signal(run: Any, radar: Any) -> None:
 
 @pytest.mark.parametrize("walled", [False, True])
 def test_another_preset_is_that_of_a_trace_of_its_own(radar: Any, tmp_path: Path, walled: bool) -> None:
-    scene = scene_of(radar.center_frequency, wall=(wall(4.5), "concrete")) if walled else None
+    scene = scene_of(radar.center_frequency, wall=(wall(4.5, half=1.0), "concrete")) if walled else None
     preset, options = quick(radar), {"rtol": RTOL}
     with (
         rfgen.Simulator(scene, radar, [ball()], **options).record(
@@ -166,7 +166,7 @@ def test_a_larger_window_needs_all_in_the_recorded_one(run: Any, radar: Any, tmp
     wide = other(radar, slope=radar.waveform.slope / 2, start_frequency=77.2e9, adc_start_time=9e-6, num_samples=60)
     assert wide.max_range > radar.max_range
     assert Resynthesis(run, wide).frames[0] == (0.0, 0)
-    scene = scene_of(radar.center_frequency, wall=(wall(4.5), "concrete"))
+    scene = scene_of(radar.center_frequency, wall=(wall(4.5, half=1.0), "concrete"))
     with (
         rfgen.Simulator(scene, radar, [ball()], rtol=0.05).record(tmp_path / "run.h5", 0.05, keep=["paths"]) as walled,
         pytest.raises(ValueError, match="take a preset with a smaller window, or record with a larger one"),
@@ -227,7 +227,7 @@ def test_radars_of_one_name_at_one_place_have_noise_of_their_own(free: Any, tmp_
 @pytest.mark.slow
 def test_a_walking_figure_before_a_wall(radar: Any, tmp_path: Path) -> None:
     person = rfgen.Actor.from_prompt("a man walks on the spot at 3 m", seed=0, duration=1.0, radar=radar)
-    scene, preset = scene_of(radar.center_frequency, wall=(wall(4.5), "concrete")), quick(radar)
+    scene, preset = scene_of(radar.center_frequency, wall=(wall(4.5, half=1.0), "concrete")), quick(radar)
     with rfgen.Simulator(scene, radar, [person], rtol=RTOL).record(
         tmp_path / "run.h5", 0.2, keep=("adc", "paths", "body")
     ) as recorded:

@@ -11,6 +11,7 @@ from rfgen_sionna.scene.furnished.finishes import FINISHES, scattering_coefficie
 from rfgen_sionna.simulation import Simulator
 
 SEEDS = range(3)
+OFTEN = ("living room", "corridor", "street", "open field")
 HANGING = ("ceiling lamp", "strip light")
 """Over people's heads."""
 USUAL = {
@@ -105,7 +106,9 @@ def test_room_for_a_radar_and_a_person(scenes, place):
         assert scene.interior.contains((0, 0, 1))
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize(
+    "place", [pytest.param(each, marks=[] if each in OFTEN else pytest.mark.slow) for each in PLACES]
+)
 def test_a_simulation_takes_it(scenes, place):
     """The radar stands free in it, somebody in the default place meets nothing, and something returns."""
     radar = Radar.load("awr1843", position=(0, 0, 1))
