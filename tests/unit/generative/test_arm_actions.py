@@ -36,7 +36,7 @@ def hand_speed(s: MotionSignals) -> np.ndarray:
 
 
 @pytest.mark.parametrize("action", [*DAILY, *HORIZONTAL])
-@pytest.mark.parametrize(("duration", "seed"), [(2.0, 4), (5.0, 11)])
+@pytest.mark.parametrize(("duration", "seed"), [(2.0, 4), pytest.param(5.0, 11, marks=pytest.mark.slow)])
 def test_rules_show_the_action_of_their_name(action, duration, seed):
     assert check(source(action, duration, seed), action).reasons == ()
 

@@ -17,7 +17,7 @@ from rfgen_sionna.generative.motion.skeleton import (
 )
 from rfgen_sionna.records import Motion
 
-SEEDS = (0, 1, 2)
+SEEDS = (0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2)))
 RATE = 60.0
 source = KinematicSource(RATE)
 

@@ -31,10 +31,10 @@ MOTIONS = {
 }
 """Action -> participles after "a person" and "A person is"."""
 FRAMES = (
-    "a person {}",
+    pytest.param("a person {}", marks=pytest.mark.slow),
     "A person {} in a repetitive manner",
     "a person {}, random orientation range from 0-90 degrees",
-    "a person {}, facing the radar",
+    pytest.param("a person {}, facing the radar", marks=pytest.mark.slow),
 )
 
 

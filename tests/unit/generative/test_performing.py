@@ -60,7 +60,18 @@ def test_what_can_be_performed_is_defined_and_has_a_source() -> None:
     assert performable()["t_pose"][0] == "rules"  # more exact than a clip
 
 
-@pytest.mark.parametrize("action", ["walk", "run", "kick", "squat", "fall", "lie_down", "reach", "jumping_jacks"])
+@pytest.mark.parametrize(
+    "action",
+    [
+        "walk",
+        "kick",
+        "fall",
+        *(
+            pytest.param(each, marks=pytest.mark.slow)
+            for each in ("run", "squat", "lie_down", "reach", "jumping_jacks")
+        ),
+    ],
+)
 def test_an_action_is_shown_for_as_long_as_asked(action: str) -> None:
     for seed, duration in ((0, 3.0), (1, 5.0)):
         motion = perform(action, duration, seed)
@@ -112,7 +123,10 @@ def test_with_strength_no_clip_is_copied() -> None:
     assert nearest > 0.01
 
 
-@pytest.mark.parametrize("action", ["standing", "look_around", "shake_head", "nod"])
+@pytest.mark.parametrize(
+    "action",
+    ["standing", "nod", *(pytest.param(each, marks=pytest.mark.slow) for each in ("look_around", "shake_head"))],
+)
 def test_who_keeps_about_still_is_no_copy_of_a_clip(action: str) -> None:
     for seed in range(3):
         motion = perform(action, 3.0, seed)
@@ -128,7 +142,9 @@ def test_a_strength_beyond_its_range_is_refused() -> None:
         perform("kick", 2.0, 0, strength=1.5)
 
 
-@pytest.mark.parametrize("action", ["walk", "squat", "kick", "jump"])
+@pytest.mark.parametrize(
+    "action", ["walk", "kick", *(pytest.param(each, marks=pytest.mark.slow) for each in ("squat", "jump"))]
+)
 def test_feet_slide_no_more_than_those_of_the_clips(action: str) -> None:
     names = sorted({window.clip for window in windows()[action]})[::6]
     real = np.mean([mean_slide(LIBRARY.motion(name)) for name in names])
@@ -136,7 +152,9 @@ def test_feet_slide_no_more_than_those_of_the_clips(action: str) -> None:
     assert made <= real
 
 
-@pytest.mark.parametrize("action", ["walk", "kick", "punch", "jumping_jacks"])
+@pytest.mark.parametrize(
+    "action", ["walk", "punch", *(pytest.param(each, marks=pytest.mark.slow) for each in ("kick", "jumping_jacks"))]
+)
 def test_limbs_are_as_fast_as_those_of_the_clips(action: str) -> None:
     names = sorted({window.clip for window in windows()[action]})[::4]
     real = np.percentile([fast_limbs(LIBRARY.motion(name)) for name in names], [10, 90])
@@ -167,7 +185,7 @@ def test_a_straight_walk_goes_along_x() -> None:
     assert motion.translation[-1, 0] - motion.translation[0, 0] > 1.5
 
 
-@pytest.mark.parametrize("speed", [0.5, 1.4])
+@pytest.mark.parametrize("speed", [0.5, pytest.param(1.4, marks=pytest.mark.slow)])
 def test_a_walk_has_the_speed_that_is_asked_for(speed: float) -> None:
     motion = perform("walk", 6.0, 1, manner=Manner(speed_mps=speed, path="straight"))
     assert path_speed(motion) == pytest.approx(speed, rel=0.1)
@@ -206,7 +224,9 @@ def test_arms_act_over_legs() -> None:
     assert np.mean(joint_places(motion)[:, JOINT["left_wrist"], 2] > joint_places(motion)[:, JOINT["neck"], 2]) > 0.3
 
 
-@pytest.mark.parametrize("posture", ARM_POSTURES)
+@pytest.mark.parametrize(
+    "posture", [pytest.param(each, marks=[pytest.mark.slow] * (k % 2)) for k, each in enumerate(ARM_POSTURES)]
+)
 def test_arms_are_held_while_the_legs_walk(posture: str) -> None:
     motion = perform("walk", 3.0, 0, manner=Manner(arm_posture=posture))
     assert is_true_of(motion, "walk")
@@ -269,7 +289,7 @@ def test_every_action_of_clips_is_shown_for_every_seed(action: str) -> None:
         assert is_true_of(perform(action, 5.0, seed), action)
 
 
-@pytest.mark.parametrize("action", ["hop", "jump"])
+@pytest.mark.parametrize("action", ["hop", pytest.param("jump", marks=pytest.mark.slow)])
 def test_the_size_of_jumps_is_the_height_of_their_flights(action: str) -> None:
     def rise(size: float, seed: int) -> float:
         places = joint_places(perform(action, 2.5, seed, manner=Manner(amplitude=size)))
@@ -284,7 +304,7 @@ def test_the_size_of_jumps_is_the_height_of_their_flights(action: str) -> None:
         assert rise(1.4, seed) > 0.25
 
 
-@pytest.mark.parametrize("rate", [110.0, 140.0])
+@pytest.mark.parametrize("rate", [110.0, pytest.param(140.0, marks=pytest.mark.slow)])
 def test_quick_hops_follow_one_another(rate: float) -> None:
     motion = perform("hop", 6.0, 0, manner=Manner(amplitude=0.4, rate=rate))
     places = joint_places(motion)

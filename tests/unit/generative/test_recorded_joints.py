@@ -70,7 +70,9 @@ def speeds(places: FloatArray, rate: float) -> FloatArray:
     return np.linalg.norm(np.diff(places, axis=0), axis=-1) * rate
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize(
+    "layout", [pytest.param(each, marks=[pytest.mark.slow] * (k % 3 > 0)) for k, each in enumerate(LAYOUTS)]
+)
 def test_a_body_follows_noisy_joints_of_every_layout(body: Rig, layout: str) -> None:
     true, seen = recorded("walk"), recorded("walk", noise=0.005)
     actor = Actor.from_joints(in_layout(layout, seen), layout=layout, frame_rate=RATE, body=body)
@@ -87,7 +89,9 @@ def test_a_body_follows_noisy_joints_of_every_layout(body: Rig, layout: str) -> 
     assert "left_knee" in actor.report()
 
 
-@pytest.mark.parametrize("action", ["walk", "jumping_jacks", "standing"])
+@pytest.mark.parametrize(
+    "action", ["jumping_jacks", *(pytest.param(each, marks=pytest.mark.slow) for each in ("walk", "standing"))]
+)
 def test_nothing_moves_faster_than_the_person_did(body: Rig, action: str) -> None:
     true = recorded(action)
     actor = Actor.from_joints(recorded(action, noise=0.01), layout="smpl22", frame_rate=RATE, body=body)

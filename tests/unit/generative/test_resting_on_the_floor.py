@@ -69,14 +69,16 @@ def test_heights_of_parts_are_those_of_the_skin() -> None:
         assert min(h[0] for h in heights.values()) == pytest.approx(sequence.vertices(t)[:, 2].min(), abs=1e-3)
 
 
-@pytest.mark.parametrize("name", CARRIED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(each, marks=[pytest.mark.slow] * (k % 2)) for k, each in enumerate(CARRIED)]
+)
 def test_what_carries_a_body_is_on_the_floor(name: str) -> None:
     _, heights = rested(CARRIED[name], "adult")
     assert heights.min() > -0.02
     assert np.mean(heights < 0.03) > 0.97
 
 
-@pytest.mark.parametrize("person_name", ["child", "heavy"])
+@pytest.mark.parametrize("person_name", ["child", pytest.param("heavy", marks=pytest.mark.slow)])
 def test_bodies_of_any_size_lie_on_the_floor(person_name: str) -> None:
     for clip in ("accad_f1_A09_LieT2", "hdm05_bd_lieDownFloor_002"):
         _, heights = rested(clip, person_name)

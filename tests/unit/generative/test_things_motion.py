@@ -101,7 +101,7 @@ def test_a_fan_turns_and_its_tips_have_their_speed() -> None:
     assert np.array_equal(off.vertices(0.0), off.vertices(0.3))
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_a_door_opens_towards_its_front_by_the_angle(seed: int) -> None:
     """The edge goes fastest in the middle: 15/8 of the mean rate of a minimum-jerk swing."""
     wanted = {"angle_deg": 80.0, "seconds": 2.0, "start": 0.5, "width": 0.9}
@@ -136,7 +136,9 @@ GAITS = [("dog", "walk"), ("dog", "sneak"), ("dog", "run"), ("cat", "walk"), ("h
     ("horse", "gallop"), ("bird", "walk")]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "action"), GAITS)
+@pytest.mark.parametrize(
+    ("name", "action"), [pytest.param(*each, marks=[pytest.mark.slow] * (k % 2)) for k, each in enumerate(GAITS)]
+)
 def test_feet_that_stand_do_not_slide(name: str, action: str) -> None:
     """The lowest toe is at rest: its median speed is under a tenth of the animal's, at any speed of the gait."""
     usual = rfgen.things()[name].actions[action].speed

@@ -52,7 +52,9 @@ def test_parts_are_closed_and_of_the_size_of_the_real_thing(name: str) -> None:
             assert -0.03 < points[:, 2].min() < 0.06
 
 
-@pytest.mark.parametrize("name", SIZES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(each, marks=[pytest.mark.slow] * (k % 3 > 0)) for k, each in enumerate(SIZES)]
+)
 def test_seeds_are_not_alike_and_repeat(name: str) -> None:
     first, again, other = (rfgen.Actor.thing(name, seed=seed).sequence.vertices(0.7) for seed in (3, 3, 4))
     assert np.array_equal(first, again)
@@ -60,7 +62,13 @@ def test_seeds_are_not_alike_and_repeat(name: str) -> None:
         assert first.shape != other.shape or np.abs(first - other).max() > 1e-3
 
 
-@pytest.mark.parametrize("name", sorted(set(SIZES) - {"drone", "fan"}))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(each, marks=[pytest.mark.slow] * (k % 3 > 0))
+        for k, each in enumerate(sorted(set(SIZES) - {"drone", "fan"}))
+    ],
+)
 def test_vertices_have_continuous_accelerations(name: str) -> None:
     """Second differences at half the step are a quarter: no vertex jumps, or starts with a jerk, in any action."""
     for action in rfgen.things()[name].actions:

@@ -22,7 +22,15 @@ def test_it_is_a_source_of_motion() -> None:
     assert isinstance(source, MotionSource)
 
 
-@pytest.mark.parametrize("action", ["walk", "squat", "kick", "lie", "wave", "sit", "t_pose", "run"])
+@pytest.mark.parametrize(
+    "action",
+    [
+        "walk",
+        "lie",
+        "wave",
+        *(pytest.param(each, marks=pytest.mark.slow) for each in ("squat", "kick", "sit", "t_pose", "run")),
+    ],
+)
 def test_variations_show_their_action(action: str) -> None:
     draft = perform(action, 3.0, 4)
     varied = DiffusionSource(strength=0.5)(action, 3.0, 4)

@@ -256,10 +256,17 @@ def test_every_model_refuses_negations_and_what_is_no_text(
         paths.refine(wall(4.0, replace(AHEAD, resolution=(64, 64))), "a living room without a sofa")
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(12, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("place", "thing"),
-    [("living room", "sofa"), ("bedroom", "bed"), ("office", "desk"), ("classroom", "desk"), ("garage", "car")],
+    [
+        ("living room", "sofa"),
+        ("classroom", "desk"),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in (("bedroom", "bed"), ("office", "desk"), ("garage", "car"))
+        ),
+    ],
 )
 def test_what_is_excluded_is_in_no_sketch(text: PlaceEncoder, place: str, thing: str, seeds: int) -> None:
     request = wanted(text, article(place), thing)
@@ -363,9 +370,9 @@ def test_what_walls_and_floors_are_made_of_is_heard() -> None:
     ("prompt", "surface", "finish"),
     [
         ("a garage with brick walls", "left wall", "brickwork"),
-        ("a bedroom with a carpeted floor", "floor", "carpet"),
-        ("a bedroom with a wooden floor", "floor", "floorboards"),
         ("a lab with a tiled floor", "floor", "tiles"),
+        pytest.param("a bedroom with a carpeted floor", "floor", "carpet", marks=pytest.mark.slow),
+        pytest.param("a bedroom with a wooden floor", "floor", "floorboards", marks=pytest.mark.slow),
     ],
 )
 def test_layouts_are_chosen_by_what_they_are_made_of(prompt: str, surface: str, finish: str) -> None:

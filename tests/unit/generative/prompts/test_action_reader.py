@@ -24,7 +24,7 @@ def test_every_action_that_can_be_asked_for_is_defined() -> None:
     assert {action for family in FAMILIES.values() for action in family} <= set(ACTION_CLAUSES)
 
 
-@pytest.mark.parametrize("form", ["a person {}", "a person is {}"])
+@pytest.mark.parametrize("form", [pytest.param("a person {}", marks=pytest.mark.slow), "a person is {}"])
 def test_every_action_is_read_in_its_own_words(reader: ActionReader, form: str) -> None:
     clauses = ACTION_CLAUSES if form == "a person {}" else PROGRESSIVE_CLAUSES
     wrong = {}
