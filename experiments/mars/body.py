@@ -14,6 +14,7 @@ import rfgen_sionna as rfgen
 from experiments.mars.recordings import FRAME_PERIOD_S, MarsMovement
 from rfgen_sionna.generative.bodies import VitalSigns
 from rfgen_sionna.processing.boards import CHAINS, OutOfBoxChain
+from rfgen_sionna.radar import ElementPattern
 
 POSE_FILE = Path(__file__).parent / "results" / "pose.json"
 """The pose that `experiments.mars.fit` found on subject 2."""
@@ -27,10 +28,10 @@ class MarsPose:
     """Radar over the Kinect [m]."""
     lateral_m: float
     """Radar to the right of the Kinect, along the data's x [m]."""
-    depth_m: float
-    """Radar ahead of the Kinect, along the data's y [m], with the bias of the board's range."""
-    tilt_deg: float
-    """Boresight over the horizon."""
+    range_bias_m: float
+    """Range that the board adds, with the unknown depth of the radar before the Kinect [m]."""
+    squint_deg: float
+    """Peak of the elements' elevation pattern over the horizon, to which the board is level."""
     lag_s: float
     """Time of the joints at the middle of a radar frame, less the frame's time [s]."""
     gain_db: float
@@ -40,11 +41,12 @@ class MarsPose:
 
     def radar(self) -> rfgen.Radar:
         """The IWR1443 in MARS's configuration, in the Kinect's world: x depth, y to the left, z up."""
-        place = np.array([self.depth_m, -self.lateral_m, self.height_m])
-        ahead = np.array([np.cos(np.radians(self.tilt_deg)), 0.0, np.sin(np.radians(self.tilt_deg))])
-        return rfgen.Radar.load(
-            "iwr1443boost", preset="mars", position=tuple(place), look_at=tuple(place + 3.0 * ahead)
-        )
+        radar = rfgen.Radar.load("iwr1443boost", preset="mars", position=(0.0, -self.lateral_m, self.height_m))
+        pattern = radar.pattern
+        if not isinstance(pattern, ElementPattern):
+            raise TypeError(f"pattern is a {type(pattern).__name__}: one of two cuts is needed to shift one")
+        angles = tuple(float(each) for each in np.clip(np.add(pattern.elevation_deg, self.squint_deg), -90.0, 90.0))
+        return replace(radar, pattern=replace(pattern, elevation_deg=angles))
 
     def chain(self) -> OutOfBoxChain:
         """The board's chain."""

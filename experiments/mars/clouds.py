@@ -31,8 +31,8 @@ def clouds_of(rows: NDArray[np.int64], samples: NDArray[np.complex64], pose: Mar
     points = out_of_box_points(cube, radar, pose.chain())
     wave = radar.waveform
     bins = 1 << (wave.num_samples - 1).bit_length()
-    scale = RANGE_STEP * bins / wave.range_window
-    xyz = np.stack([-points.position[:, 1], points.position[:, 0], points.position[:, 2]], axis=1) * scale
+    scale = RANGE_STEP * bins / wave.range_window * (1 + pose.range_bias_m / np.maximum(points.range, RANGE_STEP))
+    xyz = np.stack([-points.position[:, 1], points.position[:, 0], points.position[:, 2]], axis=1) * scale[:, None]
     low, high = np.transpose(CROP)
     kept = np.all((xyz >= low) & (xyz <= high), axis=1)
     doppler = points.doppler_bin[kept].astype(np.float64) * VELOCITY_STEP

@@ -3,9 +3,9 @@
     python -m experiments.mars.fit --data DATA --work FOLDER --output pose.json
 
 Of subject 2 alone. The lag of the clocks is that at which a stick figure's mean Doppler is likest the radar's. For each
-height and tilt of a grid, parts of five movements are simulated; full scale and gain follow from the intensities, the
-depth from the median range, and the best place has the least error of the mean Doppler. With `--samples`, the whole
-movements that were simulated from there give full scale, gain and depth once more.
+height and squint of a grid, parts of five movements are simulated; full scale and gain follow from the intensities, the
+bias of the range from its median, and the best place has the least error of the mean Doppler. With `--samples`, whole
+movements that were simulated from there give full scale, gain and bias once more.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rfgen_sionna.evaluation.doppler_course import correlation
 
 SUBJECT = 2
 HEIGHTS_M = (-0.2, -0.1, 0.0, 0.1)
-TILTS_DEG = (0.0, 5.0, 10.0)
+SQUINTS_DEG = (0.0, 6.0, 12.0)
 LAGS_S = (-0.1, -0.06, -0.04, -0.02, 0.0, 0.02)
 LATERAL_M = 0.2
 """Radar to the right of the Kinect: the median of the points' x against that of the joints [m]."""
@@ -53,7 +53,7 @@ class FitErrors:
     spread_rms: float
     """[m/s]"""
     range_rms: float
-    """After the depth is fitted [m]."""
+    """After the bias is fitted [m]."""
     level_rms: float
     """Of a frame's summed intensity, after the gain is fitted [dB]."""
     centroid_correlation: float
@@ -100,8 +100,8 @@ def fitted_levels(parts: Sequence[SimulatedPart], pose: MarsPose, rounds: int = 
     return pose
 
 
-def fitted_depth(parts: Sequence[SimulatedPart], pose: MarsPose) -> tuple[MarsPose, FitErrors]:
-    """The pose with the depth that fits the median ranges, and what is left."""
+def fitted_range(parts: Sequence[SimulatedPart], pose: MarsPose) -> tuple[MarsPose, FitErrors]:
+    """The pose with the bias that fits the median ranges, and what is left."""
     clouds = _clouds(parts, pose)
     courses = [(course_of_clouds(theirs), course_of_clouds(ours)) for theirs, ours in clouds]
     shift = float(np.nanmedian(np.concatenate([theirs.range - ours.range for theirs, ours in courses])))
@@ -116,7 +116,7 @@ def fitted_depth(parts: Sequence[SimulatedPart], pose: MarsPose) -> tuple[MarsPo
         centroid_rms=float(rms[0]), spread_rms=float(rms[1]), range_rms=float(rms[2]), level_rms=level_rms,
         centroid_correlation=float(np.mean(likeness)), points=counts[1] / counts[0],
     )  # fmt: skip
-    return replace(pose, depth_m=pose.depth_m - shift), found
+    return replace(pose, range_bias_m=pose.range_bias_m + shift), found
 
 
 def _clouds(parts: Sequence[SimulatedPart], pose: MarsPose) -> list[tuple[MarsClouds, MarsClouds]]:
@@ -131,8 +131,8 @@ def _joined(courses: Sequence[MarsCourse]) -> NDArray[np.float64]:
 
 
 def simulated_part(movement: MarsMovement, pose: MarsPose, folder: Path) -> SimulatedPart:
-    """A part at one height and tilt, its samples kept in `folder`."""
-    file = folder / f"{movement.name}-{pose.height_m:+.2f}m-{pose.tilt_deg:.0f}deg-{pose.lag_s * 1e3:.0f}ms.npz"
+    """A part at one height and squint, its samples kept in `folder`."""
+    file = folder / f"{movement.name}-{pose.height_m:+.2f}m-{pose.squint_deg:.0f}deg-{pose.lag_s * 1e3:.0f}ms.npz"
     if not file.exists():
         rows, samples = simulate(movement, pose, every=EVERY)
         np.savez(file, rows=rows, samples=samples)
@@ -155,7 +155,9 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True, help="folder for simulated samples, which are kept")
     parser.add_argument("--output", type=Path, required=True, help="JSON file")
     parser.add_argument("--heights", type=float, nargs="*", default=HEIGHTS_M, help="over the Kinect [m]")
-    parser.add_argument("--tilts", type=float, nargs="*", default=TILTS_DEG, help="of the boresight [degrees]")
+    parser.add_argument(
+        "--squints", type=float, nargs="*", default=SQUINTS_DEG, help="of the elevation pattern [degrees]"
+    )
     parser.add_argument("--samples", type=Path, help="folder of experiments.mars.synthesis, at the best place")
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)
@@ -171,22 +173,22 @@ def main() -> None:
         if item.movement in PART_MOVEMENTS
     ]
     table, best = [], None
-    for height, tilt in product(arguments.heights, arguments.tilts):
-        pose = replace(middle, height_m=height, tilt_deg=tilt)
+    for height, squint in product(arguments.heights, arguments.squints):
+        pose = replace(middle, height_m=height, squint_deg=squint)
         parts = [simulated_part(cut, pose, arguments.work) for cut in cuts]
-        pose, errors = fitted_depth(parts, fitted_levels(parts, pose))
+        pose, errors = fitted_range(parts, fitted_levels(parts, pose))
         table.append({"pose": pose_record(pose), **_rounded(errors)})
         print(json.dumps(table[-1]), flush=True)
         if best is None or errors.centroid_rms < best[1].centroid_rms:
             best = pose, errors
     if best is None:
-        parser.error("--heights and --tilts: at least one of each is needed")
+        parser.error("--heights and --squints: at least one of each is needed")
     whole: dict[str, object] = {}
     if arguments.samples is not None:
         files = [(item, arguments.samples / f"{item.name}.npz") for item in movements]
         parts = [simulated_movement(item, file) for item, file in files if file.exists()]
-        pose, errors = fitted_depth(parts, fitted_levels(parts, best[0]))
-        best = replace(pose, depth_m=best[0].depth_m), errors
+        pose, errors = fitted_range(parts, fitted_levels(parts, best[0]))
+        best = pose, errors
         whole = {"movements": [item.movement for item, *_ in parts], **_rounded(errors)}
     result = {
         "pose": pose_record(best[0]),

@@ -53,6 +53,7 @@ def main() -> None:
     parser.add_argument("--pose", type=Path, default=POSE_FILE, help="pose of the radar, of experiments.mars.fit")
     parser.add_argument("--subjects", type=int, nargs="*", help="people to simulate; all by default")
     parser.add_argument("--every", type=int, default=4, help="every k-th radar frame")
+    parser.add_argument("--rows", type=int, help="rows of each movement, from its middle; all by default")
     parser.add_argument("--part", type=int, nargs=2, default=(0, 1), metavar=("I", "N"), help="every N-th from I on")
     parser.add_argument("--rtol", type=float, default=0.1)
     parser.add_argument("--seed", type=int, default=0, help="seed of the bodies")
@@ -69,9 +70,12 @@ def main() -> None:
         file = arguments.output / f"{movement.name}.npz"
         if file.exists():
             continue
-        rows, samples = simulate(movement, pose, every=arguments.every, rtol=arguments.rtol, seed=arguments.seed)
+        count = len(movement.number)
+        first = 0 if arguments.rows is None else max(0, (count - arguments.rows) // 2)
+        cut = movement.cut(first, count - first)
+        rows, samples = simulate(cut, pose, every=arguments.every, rtol=arguments.rtol, seed=arguments.seed)
         unfinished = file.with_suffix(".part.npz")
-        np.savez(unfinished, rows=rows, samples=samples)
+        np.savez(unfinished, rows=rows + first, samples=samples)
         unfinished.rename(file)
         print(f"{movement.name}: {len(rows)} frames", flush=True)
 

@@ -13,7 +13,7 @@ from experiments.mars.body import MarsPose, frame_times, joint_track, pose_recor
 from experiments.mars.clouds import clouds_of
 from experiments.mars.compare import PREDICTORS, against_targets, cloud_figures, compared_movement, figures
 from experiments.mars.courses import BONES, StickFigure, bone_courses, course_of_clouds
-from experiments.mars.fit import fitted_depth, fitted_lag, fitted_levels
+from experiments.mars.fit import fitted_lag, fitted_levels, fitted_range
 from experiments.mars.recordings import (
     RANGE_STEP,
     VELOCITY_STEP,
@@ -180,8 +180,11 @@ def test_a_pose_is_kept(tmp_path: Path) -> None:
     file.write_text(json.dumps({"pose": pose_record(pose)}))
     assert read_pose(file) == pose
     radar = pose.radar()
-    assert radar.position == pytest.approx((0.03, -0.2, -0.1))
-    assert radar.rotation[2, 0] == pytest.approx(np.sin(np.radians(8.0)))
+    assert radar.position == pytest.approx((0.0, -0.2, -0.1))
+    np.testing.assert_allclose(radar.rotation, np.eye(3), atol=1e-12)
+    up = np.radians([8.0, 22.0])
+    gain = radar.pattern.gain_db(np.stack([np.cos(up), 0 * up, np.sin(up)], axis=1))
+    np.testing.assert_allclose(gain - radar.pattern.peak_gain_dbi, [0.0, -3.0], atol=1e-6)
 
 
 def test_the_radar_has_the_steps_of_the_data() -> None:
@@ -227,7 +230,7 @@ def test_a_simulated_point_is_where_the_data_would_have_it() -> None:
     assert 20 * np.log10(louder.intensity.max() / clouds.intensity.max()) == pytest.approx(6.0, abs=0.2)
 
 
-def test_levels_and_depth_are_found_again() -> None:
+def test_levels_and_range_are_found_again() -> None:
     rng = np.random.default_rng(0)
     true = replace(POSE, gain_db=4.0, full_scale_dbm=-12.0)
     shape = POSE.radar().frame_shape
@@ -241,10 +244,10 @@ def test_levels_and_depth_are_found_again() -> None:
     seen = clouds_of(rows, cubes, true, seed=7)
     nearer = replace(seen, xyz=seen.xyz * (1 - 0.1 / seen.distance[:, None]))
     item = replace(acted().cut(0, 12), clouds=nearer)
-    pose, errors = fitted_depth([(item, rows, cubes)], fitted_levels([(item, rows, cubes)], POSE, rounds=6))
+    pose, errors = fitted_range([(item, rows, cubes)], fitted_levels([(item, rows, cubes)], POSE, rounds=6))
     assert pose.full_scale_dbm == pytest.approx(true.full_scale_dbm, abs=1.5)
     assert pose.gain_db == pytest.approx(true.gain_db, abs=1.5)
-    assert pose.depth_m == pytest.approx(0.1, abs=0.02)  # a radar further ahead is nearer
+    assert pose.range_bias_m == pytest.approx(-0.1, abs=0.02)
     assert errors.points == pytest.approx(1.0, abs=0.1)
     assert errors.centroid_rms < 0.1
     assert errors.range_rms < 0.1
