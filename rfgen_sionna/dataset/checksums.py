@@ -14,6 +14,7 @@ from pathlib import Path
 from rfgen_sionna.dataset.set_index import INDEX, SetIndex, read_index
 from rfgen_sionna.dataset.shards import file_digest
 from rfgen_sionna.dataset.verified_files import SUMS, ChecksumError, VerifiedFiles, examined
+from rfgen_sionna.dataset.whole_files import write_whole
 
 _OWN = "# SHA-256 of the lines above: "
 _LINE = re.compile(r"([0-9a-f]{64})  ([^/\\\0\n]+)")
@@ -51,15 +52,7 @@ def write_sums(folder: Path, known: Mapping[str, str] | None = None) -> dict[str
     paths, given = set_files(folder), dict(known or {})
     found = file_digests([path for path in paths if path.name not in given])
     digests = {path.name: given.get(path.name) or found[path.name] for path in paths}
-    temporary = folder / f".{SUMS}.{os.getpid()}.tmp"
-    try:
-        with open(temporary, "w", encoding="utf-8", newline="\n") as file:
-            file.write(_text(digests))
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, folder / SUMS)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(folder / SUMS, _text(digests))
     VerifiedFiles(folder, digests).note({name: digest for name, digest in digests.items() if name.endswith(".h5")})
     return digests
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -60,8 +61,8 @@ def to_npy(
     ValueError
         For representations and labels that are not there.
     """
-    reader = _reader(folder, representation, labels, split, radar, window_s, stride_s)
-    with new_folder(output, overwrite) as target:
+    windows: dict[str, Any] = {"split": split, "radar": radar, "window_s": window_s, "stride_s": stride_s}
+    with _export(folder, output, representation, labels, overwrite, **windows) as (target, reader):
         table = []
         for window, row, arrays, values in _windows(reader, progress):
             name = _name(row.number, window)
@@ -69,7 +70,6 @@ def to_npy(
                 save_array(target / split_folder(row.split) / file_name(key) / f"{name}.npy", array)
             table.append(_place(row, window) | {"file": f"{name}.npy"} | _columns(reader, values))
         save_table(target / "labels.csv", table)
-        save_record(target / "dataset.json", _record(reader))
     return Path(output)
 
 
@@ -79,13 +79,10 @@ def to_webdataset(
     representation: RepresentationChoice = "range_doppler",
     labels: Sequence[str] = ("action",),
     *,
-    split: str | None = None,
-    radar: str | None = None,
-    window_s: float | None = None,
-    stride_s: float | None = None,
     shard_bytes: float = SHARD_BYTES,
     overwrite: bool = False,
     progress: Progress | None = None,
+    **windows: Any,
 ) -> Path:
     """Write `SPLIT-000000.tar`, … for the library webdataset: `.npy` arrays, class numbers as `.cls`, the rest as JSON.
 
@@ -93,14 +90,13 @@ def to_webdataset(
         >>> set = webdataset.WebDataset("out/train-{000000..000003}.tar").decode()  # doctest: +SKIP
         >>> set.to_tuple("range_doppler.npy", "action.cls")                         # doctest: +SKIP
 
-    Same set, same bytes. Arguments and errors are those of :func:`to_npy`; ImportError without webdataset.
+    Same set, same bytes. Further arguments and errors are those of :func:`to_npy`; ImportError without webdataset.
     """
     try:
         from webdataset import TarWriter
     except ImportError as error:
         raise ImportError("to_webdataset needs the library webdataset: pip install webdataset") from error
-    reader = _reader(folder, representation, labels, split, radar, window_s, stride_s)
-    with new_folder(output, overwrite) as target:
+    with _export(folder, output, representation, labels, overwrite, **windows) as (target, reader):
         writers: dict[str, tuple[int, int, Any]] = {}
         try:
             for window, row, arrays, values in _windows(reader, progress):
@@ -120,7 +116,6 @@ def to_webdataset(
         finally:
             for _, _, writer in writers.values():
                 writer.close()
-        save_record(target / "dataset.json", _record(reader))
     return Path(output)
 
 
@@ -143,21 +138,26 @@ def export_dataset(folder: str | PathLike[str], output: str | PathLike[str], for
     return EXPORTS[format](folder, output, **options)
 
 
-def _reader(
+@contextmanager
+def _export(
     folder: str | PathLike[str],
+    output: str | PathLike[str],
     representation: RepresentationChoice,
     labels: Sequence[str],
-    split: str | None,
-    radar: str | None,
-    window_s: float | None,
-    stride_s: float | None,
-) -> WindowReader:
+    overwrite: bool,
+    split: str | None = None,
+    **windows: Any,
+) -> Iterator[tuple[Path, WindowReader]]:
+    """New folder and the windows that it is to have; their record is written at the end."""
     named = representation
     if not isinstance(representation, Mapping):
         named = {representation if isinstance(representation, str) else "x": representation}
     if isinstance(labels, str):
         labels = (labels,)
-    return WindowReader(folder, split, named, labels, radar=radar, window_s=window_s, stride_s=stride_s, alike=False)
+    reader = WindowReader(folder, split, named, labels, alike=False, **windows)
+    with new_folder(output, overwrite) as target:
+        yield target, reader
+        save_record(target / "dataset.json", _record(reader))
 
 
 def _windows(reader: WindowReader, progress: Progress | None) -> Iterator[tuple[TimeWindow, Any, Any, Any]]:

@@ -124,7 +124,7 @@ def examine(path: str) -> None:
         for number, group in shard_recordings(shard):
             try:
                 for name, dataset in objects_of(group)[1].items():
-                    _check_dataset(name, dataset)
+                    check_dataset(name, dataset)
                 digest = recording_digest(group)
             except Exception as error:
                 print(f"recording {number}: {type(error).__name__}: {error}", file=sys.stderr)  # noqa: T201
@@ -138,7 +138,7 @@ def examine(path: str) -> None:
             raise ValueError(f"{faults} recordings cannot be read")
 
 
-def _check_dataset(name: str, dataset: h5py.Dataset) -> None:
+def check_dataset(name: str, dataset: h5py.Dataset) -> None:
     """ValueError if a dataset has what no shard has: data elsewhere, other filters, blocks without a bound."""
     if dataset.external or dataset.is_virtual:
         raise ValueError(f"'{name}' has its values in another file")

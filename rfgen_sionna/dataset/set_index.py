@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 import sqlite3
 from collections import Counter
@@ -17,9 +16,11 @@ from typing import Any
 
 import h5py
 
+from rfgen_sionna.dataset.recording_digest import check_dataset, objects_of
 from rfgen_sionna.dataset.run_file import check_format, json_names, open_hdf5
 from rfgen_sionna.dataset.schema import RADARS, SHARD_FORMAT, RunFormatError
-from rfgen_sionna.dataset.shards import file_digest, recording_name, shard_recordings, synced
+from rfgen_sionna.dataset.shards import file_digest, recording_name, shard_recordings
+from rfgen_sionna.dataset.whole_files import whole_file
 
 INDEX = "index.sqlite"
 """Name of the index in the folder of a set."""
@@ -115,7 +116,7 @@ class SetIndex:
 def row_of(number: int, recording: h5py.Group, shard: str) -> IndexRow:
     """Row of the recording in a group of the file `shard`.
 
-    RunFormatError if its specification cannot be read, or has a split that no recipe can have.
+    RunFormatError if its specification cannot be read, its split is none of a recipe, or values are in another file.
     """
     path = Path(recording.file.filename)
     text = str(recording.attrs.get("recording", "{}"))
@@ -123,8 +124,10 @@ def row_of(number: int, recording: h5py.Group, shard: str) -> IndexRow:
         spec = dict(json.loads(text))
         bodies = tuple(int(each["seed"]) for each in spec.get("bodies") or ())
         split = _checked_split(str(spec.get("split", "")))
+        for name, dataset in objects_of(recording)[1].items():
+            check_dataset(name, dataset)
     except (ValueError, TypeError, KeyError, RecursionError) as error:
-        raise RunFormatError(f"'{path}': the specification of recording {number} cannot be read ({error})") from error
+        raise RunFormatError(f"'{path}': recording {number} cannot be read ({error})") from error
     names = json_names(path, recording, RADARS)
     run = recording[f"{RADARS}/{names[0]}"] if names else recording
 
@@ -193,17 +196,9 @@ def write_index(
     texts = {"version": INDEX_VERSION} | {key: str(value) for key, value in (meta or {}).items()}
     index = SetIndex(texts, found, tuple(rows), tuple(sorted(failures, key=lambda each: each.number)))
     index = replace(index, meta={**texts, "contents": _contents_digest(index)})
-    temporary = folder / f".{INDEX}.{os.getpid()}.tmp"
-    try:
-        temporary.unlink(missing_ok=True)
-        with closing(sqlite3.connect(temporary)) as base, base:
-            base.execute("PRAGMA journal_mode = OFF")
-            _fill(base, index, {name: (folder / name).stat().st_size for name in found})
-        synced(temporary)
-        os.replace(temporary, folder / INDEX)
-        synced(folder)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with whole_file(folder / INDEX) as temporary, closing(sqlite3.connect(temporary)) as base, base:
+        base.execute("PRAGMA journal_mode = OFF")
+        _fill(base, index, {name: (folder / name).stat().st_size for name in found})
     return index
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
@@ -29,6 +28,7 @@ from rfgen_sionna.dataset.recording_digest import (
 from rfgen_sionna.dataset.run_file import check_format, open_hdf5
 from rfgen_sionna.dataset.run_storage import Storage
 from rfgen_sionna.dataset.schema import FORMAT, RADARS, RECORDINGS, SHARD_FORMAT, VERSION, RunFormatError
+from rfgen_sionna.dataset.whole_files import whole_file
 
 LIBVER = ("v110", "v110")
 """Version of HDF5 for the structures of shards, which then have checksums."""
@@ -66,9 +66,8 @@ def assemble_shard(target: Path, parts: Mapping[int, Path], attributes: Mapping[
     OSError
         If the shard cannot be written, such as on a full disk; nothing is left then.
     """
-    temporary = target.parent / f".{target.name}.{os.getpid()}.tmp"
-    try:
-        with closing(GuardedFile(temporary)) as guarded, h5py.File(guarded, "w", libver=LIBVER) as shard:
+    with whole_file(target) as temporary, closing(GuardedFile(temporary)) as guarded:
+        with h5py.File(guarded, "w", libver=LIBVER) as shard:
             heading = {"format": SHARD_FORMAT, "format_version": VERSION, "Conventions": f"{FORMAT}-{VERSION}"}
             shard.attrs.update(heading | dict(sorted((attributes or {}).items())))
             recordings = shard.create_group(RECORDINGS)
@@ -80,21 +79,6 @@ def assemble_shard(target: Path, parts: Mapping[int, Path], attributes: Mapping[
                     copied.attrs["digest"] = recording_digest(source)
                 guarded.check()
         guarded.check()
-        synced(temporary)
-        os.replace(temporary, target)
-        synced(target.parent)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-
-
-def synced(path: Path) -> None:
-    """Wait until the file or folder is on the disk."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def file_digest(path: Path) -> str:
@@ -204,21 +188,11 @@ def extract_recording(shard: Path, number: int, target: Path) -> None:
 
     RunFormatError if the shard has no such recording.
     """
-    temporary = target.parent / f".{target.name}.{os.getpid()}.tmp"
-    try:
-        with (
-            closing(GuardedFile(temporary)) as guarded,
-            open_hdf5(shard) as file,
-            h5py.File(guarded, "w", libver=LIBVER) as made,
-        ):
+    with whole_file(target) as temporary, closing(GuardedFile(temporary)) as guarded:
+        with open_hdf5(shard) as file, h5py.File(guarded, "w", libver=LIBVER) as made:
             check_format(shard, file, SHARD_FORMAT)
             name = f"{RECORDINGS}/{recording_name(number)}"
             if name not in file:
                 raise RunFormatError(f"'{shard}' has no recording {number}")
             copy_run(file[name], made)
         guarded.check()
-        synced(temporary)
-        os.replace(temporary, target)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise

@@ -18,6 +18,7 @@ from rfgen_sionna.dataset.guarded_file import GuardedFile
 from rfgen_sionna.dataset.hdf5_layout import create_radars, run_difference
 from rfgen_sionna.dataset.run_storage import Storage
 from rfgen_sionna.dataset.schema import RADARS, RunInfo, StoredArray
+from rfgen_sionna.dataset.whole_files import synced
 from rfgen_sionna.records import Pir
 
 
@@ -177,7 +178,7 @@ class RunWriter:
             self._close()
             if self._guarded is not None:
                 self._guarded.check()
-            _sync(self._partial)
+            synced(self._partial)
         except BaseException:
             self._abort()
             raise
@@ -290,7 +291,7 @@ class RunWriter:
             else:
                 os.unlink(self._partial)
         with suppress(OSError):
-            _sync(self.path.parent)
+            synced(self.path.parent)
 
     def _close(self) -> None:
         try:
@@ -307,12 +308,3 @@ class RunWriter:
         finally:
             if not (self._resume and self.frames):
                 self._partial.unlink(missing_ok=True)
-
-
-def _sync(path: Path) -> None:
-    """Wait until the file (or folder) is on the disk."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

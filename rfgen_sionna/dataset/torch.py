@@ -78,7 +78,10 @@ class RadarDataset(Dataset[Item]):
         transform: Callable[[Any], Any] | None = None,
         max_points: int = MAX_POINTS,
     ) -> None:
-        self._items = _Items(folder, split, representation, labels, transform, radar, window_s, stride_s, max_points)
+        self._items = _Items(
+            folder, split, representation, labels, transform, radar=radar, window_s=window_s, stride_s=stride_s,
+            max_points=max_points,
+        )  # fmt: skip
 
     def __len__(self) -> int:
         """Number of windows."""
@@ -133,15 +136,11 @@ class StreamingRadarDataset(IterableDataset[Item]):
         seed: int = 0,
         rank: int | None = None,
         world_size: int | None = None,
-        radar: str | None = None,
-        window_s: float | None = None,
-        stride_s: float | None = None,
-        transform: Callable[[Any], Any] | None = None,
-        max_points: int = MAX_POINTS,
+        **options: Any,
     ) -> None:
         if shuffle < 0:
             raise ValueError(f"shuffle is {shuffle}: 0 items or more are needed")
-        self._items = _Items(folder, split, representation, labels, transform, radar, window_s, stride_s, max_points)
+        self._items = _Items(folder, split, representation, labels, **options)
         self.rank, self.world_size = _rank(rank, world_size)
         self.shuffle, self.seed = shuffle, seed
         # Workers that persist see the number that the main process sets.
@@ -206,20 +205,14 @@ class _Items:
         split: str | None,
         representation: RepresentationChoice,
         labels: str | Sequence[str],
-        transform: Callable[[Any], Any] | None,
-        radar: str | None,
-        window_s: float | None,
-        stride_s: float | None,
-        max_points: int,
+        transform: Callable[[Any], Any] | None = None,
+        **options: Any,
     ) -> None:
         if transform is not None and not callable(transform):
             raise TypeError(f"transform is {transform!r}: a function is needed")
         self._single, self._transform = isinstance(labels, str), transform
         names = (labels,) if isinstance(labels, str) else tuple(labels)
-        self.reader = WindowReader(
-            folder, split, representation, names, radar=radar, window_s=window_s, stride_s=stride_s,
-            max_points=max_points,
-        )  # fmt: skip
+        self.reader = WindowReader(folder, split, representation, names, **options)
 
     def item(self, window: TimeWindow, run: Run | None = None) -> Item:
         run = self.reader.run(window.position) if run is None else run

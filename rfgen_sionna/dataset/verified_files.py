@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from rfgen_sionna.dataset import recording_digest
 from rfgen_sionna.dataset.shards import file_digest
+from rfgen_sionna.dataset.whole_files import write_whole
 
 SUMS = "SHA256SUMS"
 """Name of the file of checksums in the folder of a set."""
@@ -58,12 +59,8 @@ class VerifiedFiles:
     def note(self, digests: Mapping[str, str]) -> None:
         """Take the files with these digests as verified."""
         self._marks |= {name: _mark(self.folder / name, digest) for name, digest in digests.items()}
-        temporary = self.folder / f".verified.{os.getpid()}.tmp"
-        try:
-            temporary.write_text(json.dumps(self._kept() | self._marks))
-            os.replace(temporary, self.folder / ".verified")
-        except OSError:  # a folder that cannot be written
-            temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # a folder that cannot be written
+            write_whole(self.folder / ".verified", json.dumps(self._kept() | self._marks))
 
     def _kept(self) -> dict[str, list[int | str]]:
         try:

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from rfgen_sionna.dataset.whole_files import synced
 from rfgen_sionna.recipes.outcome import MAX_REASON, Outcome, OutcomeKind, is_disk_full
 from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.worker_memory import resident_memory
@@ -82,12 +83,8 @@ def part_name(number: int) -> str:
 
 def publish(made: Path, target: Path) -> None:
     """Rename a whole file, after it is on the disk."""
-    for path in (made, made.parent):
-        handle = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+    synced(made)
+    synced(made.parent)
     os.replace(made, target)
 
 

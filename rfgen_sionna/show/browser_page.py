@@ -7,15 +7,15 @@ import hashlib
 import html
 import json
 import os
-import tempfile
 import zlib
 from pathlib import Path
 
 import numpy as np
 
-from rfgen_sionna.dataset import Run, check_output
+from rfgen_sionna.dataset import Run
 from rfgen_sionna.show.displayable import CapturedRun, displayed
 from rfgen_sionna.show.page_data import PageData, Progress, page_data
+from rfgen_sionna.show.picture_file import picture_file
 from rfgen_sionna.show.run_summary import summary
 from rfgen_sionna.signal.formats import Capture
 
@@ -49,31 +49,12 @@ def html_page(
     progress
         Called with the number of finished frames and of all frames; None calls nothing.
 
-    Returns
-    -------
-    Path of the written file.
-
-    Raises
-    ------
-    OutputError
-        If the file exists or its folder is missing or not writable.
-    ValueError
-        If `output` has another suffix.
-    NoPictureError
-        If the samples have no ranges.
+    Returns the path of the written file. Errors are those of :func:`~rfgen_sionna.show.sheet`.
     """
-    target = Path(output)
-    if target.suffix.lower() not in (".html", ".htm"):
-        raise ValueError(f"output '{target}' ends in '{target.suffix}'; allowed: .html")
-    check_output(target, overwrite)
-    with displayed(run) as source:
+    with picture_file(output, overwrite, (".html", ".htm")) as (made, _), displayed(run) as source:
         report = summary(source.capture if isinstance(source, CapturedRun) else source)  # type: ignore[arg-type]
-        text = page_text(page_data(source, report, progress))
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
-        made = Path(folder) / target.name
-        made.write_text(text, encoding="utf-8")
-        os.replace(made, target)
-    return target
+        made.write_text(page_text(page_data(source, report, progress)), encoding="utf-8")
+    return Path(output)
 
 
 def page_text(data: PageData) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
@@ -14,12 +13,13 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.dataset import Run, check_output, open_dataset, open_run
+from rfgen_sionna.dataset import Run, open_dataset, open_run
 from rfgen_sionna.processing.spectrum import watts_to_dbm
 from rfgen_sionna.show.actor_shapes import ActorShape, actor_shapes
 from rfgen_sionna.show.displayable import Displayable
 from rfgen_sionna.show.mesh_sheet import shaded_picture
 from rfgen_sionna.show.page import velocity_limit
+from rfgen_sionna.show.picture_file import picture_file
 from rfgen_sionna.show.run_view import FrameView, NoPictureError, RunView, display_range
 from rfgen_sionna.show.style import INK, LEVEL_MAP, MUTED, VELOCITY_MAP, edges, level_limits
 from rfgen_sionna.show.viewer_frames import viewed_frame, viewed_run
@@ -32,6 +32,8 @@ _BODY = (0.72, 0.76, 0.81)
 """Red, green and blue of meshes, 0 … 1."""
 _ASIDE_DEG = 25.0
 """Of the eye from the radar's direction, towards the right of those who face it [degrees]."""
+_DPI = 110
+"""Pixels per inch."""
 _CAPTION = 96
 """Letters of a caption."""
 
@@ -62,21 +64,12 @@ def draw_dataset_sheet(
     progress
         Called with the number of finished recordings and of all; None calls nothing.
 
-    Returns
-    -------
-    Path of the written file.
-
-    Raises
-    ------
-    OutputError
-        If the file exists or its folder is missing or not writable.
-    ValueError
-        If `count` is not positive or `output` has an unknown suffix.
+    Returns the path of the written file. Errors are those of :func:`~rfgen_sionna.show.sheet`; ValueError if `count` is
+    not positive.
     """
     if count < 1:
         raise ValueError(f"count is {count}: at least one recording is needed")
-    _check_picture(output, overwrite)
-    with open_dataset(folder) as recordings:
+    with picture_file(output, overwrite) as (made, form), open_dataset(folder) as recordings:
         rows = recordings.rows
         kinds = [(row.split, row.place, row.actions) for row in rows]
         runs = {}
@@ -85,7 +78,8 @@ def draw_dataset_sheet(
             distance = "" if row.distance_m is None else f" · {row.distance_m:.1f} m"
             actions = ", ".join(dict.fromkeys(row.actions))
             runs[f"{row.number:06d} · {row.split} · {actions} · {row.place}{distance}"] = recordings[index]
-        return contact_sheet(runs, output, overwrite=overwrite, progress=progress)
+        _draw(runs, progress).savefig(made, dpi=_DPI, format=form)
+    return Path(output)
 
 
 def spread_sample(kinds: Sequence[Sequence[Hashable]], count: int, seed: int) -> list[int]:
@@ -110,7 +104,7 @@ def contact_sheet(
     output: str | os.PathLike[str],
     *,
     overwrite: bool = False,
-    dpi: int = 110,
+    dpi: int = _DPI,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Four pictures of each of the `runs` (caption and open run, or its path): mesh or joints as seen from the radar's
@@ -119,7 +113,14 @@ def contact_sheet(
     Of a run of several radars the first is drawn. What a recording does not store stays empty. Errors are those of
     :func:`draw_dataset_sheet`.
     """
-    target = _check_picture(output, overwrite)
+    with picture_file(output, overwrite) as (made, form):
+        _draw(runs, progress).savefig(made, dpi=dpi, format=form)
+    return Path(output)
+
+
+def _draw(
+    runs: Mapping[str, Displayable | str | os.PathLike[str]], progress: Callable[[int, int], None] | None
+) -> Figure:
     if not runs:
         raise ValueError("there are no recordings to draw")
     columns = min(_COLUMNS, len(runs))
@@ -142,19 +143,7 @@ def contact_sheet(
             _draw_run(tiles, run, first=row == 0)
         if progress is not None:
             progress(number + 1, len(runs))
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
-        made = Path(folder) / target.name
-        figure.savefig(made, dpi=dpi)
-        os.replace(made, target)
-    return target
-
-
-def _check_picture(output: str | os.PathLike[str], overwrite: bool) -> Path:
-    target = check_output(output, overwrite)
-    allowed = Figure().canvas.get_supported_filetypes()
-    if target.suffix.lstrip(".").lower() not in allowed:
-        raise ValueError(f"output '{target}' ends in '{target.suffix}'; allowed: .{', .'.join(sorted(allowed))}")
-    return target
+    return figure
 
 
 def _share(

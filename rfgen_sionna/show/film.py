@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import cast
@@ -15,11 +14,11 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 from PIL import Image
 
-from rfgen_sionna.dataset import check_output
 from rfgen_sionna.show.actor_shapes import actor_shapes
 from rfgen_sionna.show.displayable import Displayable, displayed
 from rfgen_sionna.show.page import headline, velocity_limit
 from rfgen_sionna.show.panels import draw_range_doppler
+from rfgen_sionna.show.picture_file import picture_file
 from rfgen_sionna.show.run_view import display_range, view_frame
 from rfgen_sionna.show.scene_plot import PlotLimits, draw_scene
 from rfgen_sionna.show.style import INK
@@ -51,30 +50,13 @@ def animation(
     progress
         Called with the number of finished frames and of all frames; None calls nothing.
 
-    Returns
-    -------
-    Path of the written file.
-
-    Raises
-    ------
-    OutputError
-        If the file exists or its folder is missing or not writable.
-    ValueError
-        If `output` has another suffix.
+    Returns the path of the written file. Errors are those of :func:`~rfgen_sionna.show.sheet`.
     """
-    target = Path(output)
-    if target.suffix != ".gif":
-        raise ValueError(f"output '{target}' ends in '{target.suffix}'; allowed: .gif")
-    check_output(target, overwrite)
-    with displayed(run) as source:
+    with picture_file(output, overwrite, (".gif",)) as (made, _), displayed(run) as source:
         pictures = _pictures(source, dpi, progress)
         times = source.frame_times
-        interval = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
-        made = Path(folder) / target.name
-        _gif(pictures, made, interval)
-        os.replace(made, target)
-    return target
+        _gif(pictures, made, float(np.median(np.diff(times))) if len(times) > 1 else 1.0)
+    return Path(output)
 
 
 def _pictures(run: Displayable, dpi: int, progress: Callable[[int, int], None] | None) -> list[Picture]:
@@ -105,6 +87,5 @@ def _gif(pictures: list[Picture], target: Path, interval: float) -> None:
     # One palette for all frames, so that colours do not flicker.
     joint = Image.fromarray(np.concatenate(pictures[:: max(1, len(pictures) // 6)])).quantize(255)
     frames = [Image.fromarray(picture).quantize(palette=joint, dither=Image.Dither.NONE) for picture in pictures]
-    frames[0].save(
-        target, save_all=True, append_images=frames[1:], duration=max(20, round(interval * 1e3)), loop=0, optimize=True
-    )
+    duration = max(20, round(interval * 1e3))
+    frames[0].save(target, "GIF", save_all=True, append_images=frames[1:], duration=duration, loop=0, optimize=True)

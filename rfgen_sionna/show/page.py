@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
 from typing import cast
 
@@ -12,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
 
-from rfgen_sionna.dataset import check_output
 from rfgen_sionna.show import panels
 from rfgen_sionna.show.actor_shapes import actor_shapes
 from rfgen_sionna.show.displayable import Displayable, displayed
+from rfgen_sionna.show.picture_file import picture_file
 from rfgen_sionna.show.run_summary import radar_line
 from rfgen_sionna.show.run_view import check_frame, display_range, view_frame, view_run
 from rfgen_sionna.show.scene_plot import PlotLimits, draw_scene
@@ -56,19 +55,13 @@ def sheet(
         If the file exists or its folder is missing or not writable.
     ValueError
         If the run has no such frame, or `output` has an unknown suffix.
+    NoPictureError
+        If the samples have no ranges.
     """
-    target = check_output(output, overwrite)
-    allowed = Figure().canvas.get_supported_filetypes()
-    if target.suffix.lstrip(".").lower() not in allowed:
-        raise ValueError(f"output '{target}' ends in '{target.suffix}'; allowed: .{', .'.join(sorted(allowed))}")
-    with displayed(run) as source:
-        chosen = None if frame is None else check_frame(source, frame)
-        page = _draw(source, chosen)
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
-        made = Path(folder) / target.name
-        page.savefig(made, dpi=dpi)
-        os.replace(made, target)
-    return target
+    with picture_file(output, overwrite) as (made, form), displayed(run) as source:
+        page = _draw(source, None if frame is None else check_frame(source, frame))
+        page.savefig(made, dpi=dpi, format=form)
+    return Path(output)
 
 
 def _draw(run: Displayable, frame: int | None) -> Figure:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +14,11 @@ from matplotlib import colormaps
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from rfgen_sionna.dataset import Run, check_output
+from rfgen_sionna.dataset import Run
 from rfgen_sionna.show.displayable import CapturedRun, Displayable, displayed
 from rfgen_sionna.show.level_pictures import coloured
 from rfgen_sionna.show.page_data import PageData, Progress, page_data
+from rfgen_sionna.show.picture_file import picture_file
 from rfgen_sionna.show.run_summary import summary
 from rfgen_sionna.show.style import VELOCITY_MAP
 from rfgen_sionna.signal.formats import Capture
@@ -79,31 +80,26 @@ def open_in_rerun(
         If the samples have no ranges.
     """
     stream = _stream()
-    target = None if save is None else Path(save)
-    if target is None and sys.platform == "linux" and not (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
+    if save is None and sys.platform == "linux" and not (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
         raise OSError(
             "there is no display for Rerun's window: save a file (--save run.rrd) and open it where there is one, "
             "or write a page (rfgen show --html run.html)"
         )
-    if target is not None and target.suffix != ".rrd":
-        raise ValueError(f"save '{target}' ends in '{target.suffix}'; allowed: .rrd")
-    if target is not None:
-        check_output(target, overwrite)
-    with displayed(run) as source:
+    file: AbstractContextManager[Any] = nullcontext()
+    if save is not None:
+        file = picture_file(save, overwrite, (".rrd",))
+    with file as written, displayed(run) as source:
         report = summary(source.capture if isinstance(source, CapturedRun) else source)  # type: ignore[arg-type]
         data, layout = page_data(source, report, progress, len(source)), _layout(source)
-        if target is None:
+        if written is None:
             stream.spawn(default_blueprint=layout)
             _log(stream, source, data)
             stream.flush()
-            return None
-        with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as folder:
-            made = Path(folder) / target.name
-            stream.save(made, default_blueprint=layout)
+        else:
+            stream.save(written[0], default_blueprint=layout)
             _log(stream, source, data)
             stream.disconnect()
-            os.replace(made, target)
-    return target
+    return None if save is None else Path(save)
 
 
 def _stream() -> rerun.RecordingStream:

@@ -128,7 +128,7 @@ def test_a_fault_leaves_the_old_shard(tmp_path, parts, monkeypatch):
     def full(path):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("rfgen_sionna.dataset.shards.synced", full)
+    monkeypatch.setattr("rfgen_sionna.dataset.whole_files.synced", full)
     with pytest.raises(OSError, match="No space left"):
         assemble_shard(target, parts)
     assert target.read_text() == "old"

@@ -5,8 +5,9 @@ import hdf5plugin
 import numpy as np
 import pytest
 
-from rfgen_sionna.dataset import ChecksumError, open_dataset
+from rfgen_sionna.dataset import ChecksumError, RunFormatError, open_dataset
 from rfgen_sionna.dataset.checksums import write_sums
+from rfgen_sionna.dataset.set_index import write_index
 from rfgen_sionna.dataset.verified_files import examined
 from tests.benchmarks.fuzz_sets import SHARD, fuzz
 
@@ -77,6 +78,8 @@ def endless(group, folder):
 def test_what_no_shard_has_is_refused_with_any_checksum(small_set, tmp_path, trick, said):
     with h5py.File(small_set / SHARD, "r+") as shard:
         trick(shard["recordings/000001"], tmp_path)
+    with pytest.raises(RunFormatError, match="recording 1 cannot be read"):
+        write_index(small_set)
     fault, digests = examined(small_set / SHARD)
     assert fault.startswith("recording 1: ValueError: ")
     assert said in fault
