@@ -159,6 +159,7 @@ def main() -> None:
         "--squints", type=float, nargs="*", default=SQUINTS_DEG, help="of the elevation pattern [degrees]"
     )
     parser.add_argument("--samples", type=Path, help="folder of experiments.mars.synthesis, at the best place")
+    parser.add_argument("--place", type=float, nargs=2, metavar=("HEIGHT", "SQUINT"), help="place, without the grid")
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)
     movements = read_subject(arguments.data, SUBJECT)
@@ -172,14 +173,17 @@ def main() -> None:
         for item, centre in zip(movements, centres, strict=True)
         if item.movement in PART_MOVEMENTS
     ]
-    table, best = [], None
-    for height, squint in product(arguments.heights, arguments.squints):
+    table: list[dict[str, object]] = []
+    best: tuple[MarsPose, FitErrors | None] | None = None
+    if arguments.place is not None:
+        best = replace(middle, height_m=arguments.place[0], squint_deg=arguments.place[1]), None
+    for height, squint in () if best else product(arguments.heights, arguments.squints):
         pose = replace(middle, height_m=height, squint_deg=squint)
         parts = [simulated_part(cut, pose, arguments.work) for cut in cuts]
         pose, errors = fitted_range(parts, fitted_levels(parts, pose))
         table.append({"pose": pose_record(pose), **_rounded(errors)})
         print(json.dumps(table[-1]), flush=True)
-        if best is None or errors.centroid_rms < best[1].centroid_rms:
+        if best is None or best[1] is None or errors.centroid_rms < best[1].centroid_rms:
             best = pose, errors
     if best is None:
         parser.error("--heights and --squints: at least one of each is needed")
@@ -189,14 +193,13 @@ def main() -> None:
         parts = [simulated_movement(item, file) for item, file in files if file.exists()]
         pose, errors = fitted_range(parts, fitted_levels(parts, best[0]))
         best = pose, errors
-        whole = {"movements": [item.movement for item, *_ in parts], **_rounded(errors)}
+        frames = sum(len(rows) for _, rows, _ in parts)
+        whole = {"movements": [item.movement for item, *_ in parts], "frames": frames, **_rounded(errors)}
     result = {
         "pose": pose_record(best[0]),
         "subject": SUBJECT,
-        "movements": [item.movement for item in cuts],
-        "frames": sum(len(rows) for _, rows, _ in parts),
         "lags [s]": {str(lag): round(value, 4) for lag, value in lags.items()},
-        "grid": table,
+        "grid of parts": table,
         "whole movements": whole,
     }
     arguments.output.write_text(json.dumps(result, indent=1) + "\n")
