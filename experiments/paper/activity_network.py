@@ -17,7 +17,7 @@ BATCH = 16
 _SHIFT = 4
 """Largest shift in range in training [cells]."""
 _LEVEL = 0.05
-"""Standard deviation of the change of level in training, of the scale of the maps: 3.5 dB."""
+"""Standard deviation of the change of level in training, of the scale of the maps."""
 
 
 class ActivityNetwork(nn.Module):

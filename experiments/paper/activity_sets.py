@@ -33,7 +33,7 @@ ADULTS = "gender = ['female', 'male']\nage_years = {range = [18.0, 75.0]}\n"
 """Table `[bodies]` of adults of all ages."""
 RANGE_BINS, VELOCITY_BINS = 64, 32
 """Cells of a map: two range bins of 4.7 cm each, and Doppler bins of 0.46 m/s."""
-SPAN_DB = (-120.0, -50.0)
+SPAN_DB = (-125.0, -50.0)
 """Power of a cell [dBm] that counts as 0 and as 1."""
 
 Sequences = NDArray[np.float32]

@@ -24,7 +24,7 @@ from experiments.paper.activity_sets import ADULTS, SEEN, UNSEEN, activity_recip
 from experiments.paper.cycle_gan import MapTranslator
 from experiments.paper.reports import experiment_parser, progress, run_experiment
 from experiments.paper.sets import built_set, check_disjoint, specs_of
-from rfgen_sionna.recipes import Recipe, RecordingSpec
+from rfgen_sionna.recipes import Recipe
 
 AWGN_DB = (0.0, 40.0)
 """Levels of the noise over the receiver's [dB]."""
@@ -32,43 +32,37 @@ AWGN_DB = (0.0, 40.0)
 
 def recipes(quick: bool, seed: int) -> dict[str, Recipe]:
     """ "clean", "rooms" (with the splits "train" and "seen") and "unseen"."""
-    training, test, length = (10, 5, 0.5) if quick else (60, 30, 1.0)
+    training, seen, unseen, length = (5, 5, 5, 0.4) if quick else (20, 10, 15, 0.8)
     placed: dict[str, Any] = {
         "distance_m": (1.6, 3.4), "azimuth_deg": 12.0, "orientation_deg": 30.0, "bodies": ADULTS
     }  # fmt: skip
-    whole = training + test
-    shares = f"shares = {{train = {training / whole:.9f}, seen = {test / whole:.9f}}}\nby = ['body', 'seed']\n"
+    whole = training + seen
+    shares = f"shares = {{train = {training / whole:.9f}, seen = {seen / whole:.9f}}}\nby = ['body', 'seed']\n"
     return {
         "clean": activity_recipe(training, 3 * seed, length, **placed),
         "rooms": activity_recipe(
             whole, 3 * seed + 1, length, places=SEEN, layouts=2 if quick else 5, splits=shares, **placed
         ),
-        "unseen": activity_recipe(test, 3 * seed + 2, length, places=UNSEEN, **placed),
+        "unseen": activity_recipe(unseen, 3 * seed + 2, length, places=UNSEEN, **placed),
     }
 
 
-def parts(sets: dict[str, Recipe]) -> dict[str, list[RecordingSpec]]:
-    """Recordings that must have nothing in common: training, and unseen places."""
-    return {
-        "training": specs_of(sets["clean"]) + specs_of(sets["rooms"], "train"),
-        "unseen": specs_of(sets["unseen"]),
-    }
-
-
-def seen_parts(sets: dict[str, Recipe]) -> dict[str, list[RecordingSpec]]:
-    """Recordings that have the rooms in common, and must have nothing else."""
-    return {
-        "training": specs_of(sets["clean"]) + specs_of(sets["rooms"], "train"),
-        "seen": specs_of(sets["rooms"], "seen"),
-    }
+def check(sets: dict[str, Recipe]) -> None:
+    """ValueError unless tests have other people, motions and noise than training, and "unseen" other places."""
+    training = specs_of(sets["clean"]) + specs_of(sets["rooms"], "train")
+    seen, unseen = specs_of(sets["rooms"], "seen"), specs_of(sets["unseen"])
+    check_disjoint({"training": training, "seen": seen}, allowed={"places"})
+    check_disjoint({"training": training, "unseen": unseen})
 
 
 def noise(arguments: Namespace) -> dict[str, Any]:
     """Accuracy of each way in seen and in unseen places."""
     quick, seed = arguments.quick, arguments.seed
     sets = recipes(quick, seed)
-    check_disjoint(parts(sets))
-    folders = {name: built_set(recipe, arguments.output / "noise" / name) for name, recipe in sets.items()}
+    check(sets)
+    folders = {
+        name: built_set(recipe, arguments.output / "noise" / name, arguments.workers) for name, recipe in sets.items()
+    }
     clean = activity_set(folders["clean"])
     rooms = activity_set(folders["rooms"], "train")
     tests = {"seen": activity_set(folders["rooms"], "seen"), "unseen": activity_set(folders["unseen"])}
@@ -97,7 +91,9 @@ def noise(arguments: Namespace) -> dict[str, Any]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    run_experiment("noise", experiment_parser(__doc__), noise, argv)
+    parser = experiment_parser(__doc__)
+    parser.add_argument("--workers", type=int, help="processes that simulate (default: one for each core)")
+    run_experiment("noise", parser, noise, argv)
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ LEVELS = ("P1", "P2", "P3", "P4")
 
 def recipes(quick: bool, seed: int) -> dict[str, Recipe]:
     """Training sets "P1" to "P4", and "test"."""
-    training, test, length = (10, 5, 0.5) if quick else (40, 30, 1.0)
+    training, test, length = (5, 5, 0.4) if quick else (20, 20, 0.8)
     placed: dict[str, Any] = {"distance_m": (1.6, 3.4), "azimuth_deg": 12.0, "orientation_deg": 60.0}
     first = 1_000_000 + 5 * seed
     return {
@@ -54,7 +54,9 @@ def prompts(arguments: Namespace) -> dict[str, Any]:
     quick, seed = arguments.quick, arguments.seed
     sets = recipes(quick, seed)
     check_disjoint({name: specs_of(recipe) for name, recipe in sets.items()})
-    folders = {name: built_set(recipe, arguments.output / "prompts" / name) for name, recipe in sets.items()}
+    folders = {
+        name: built_set(recipe, arguments.output / "prompts" / name, arguments.workers) for name, recipe in sets.items()
+    }
     test = activity_set(folders["test"])
     found = {}
     for name in LEVELS:
@@ -72,7 +74,9 @@ def prompts(arguments: Namespace) -> dict[str, Any]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    run_experiment("prompts", experiment_parser(__doc__), prompts, argv)
+    parser = experiment_parser(__doc__)
+    parser.add_argument("--workers", type=int, help="processes that simulate (default: one for each core)")
+    run_experiment("prompts", parser, prompts, argv)
 
 
 if __name__ == "__main__":

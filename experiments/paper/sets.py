@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -35,10 +35,10 @@ def shared(first: Iterable[RecordingSpec], second: Iterable[RecordingSpec]) -> d
     return {name: found for name, found in common.items() if found}
 
 
-def check_disjoint(parts: dict[str, list[RecordingSpec]]) -> None:
-    """ValueError if two parts have a body, a place, a seed or a clip in common; it names both, and what."""
+def check_disjoint(parts: Mapping[str, Sequence[RecordingSpec]], allowed: Collection[str] = ()) -> None:
+    """ValueError if two parts have something in common that is not `allowed`; it names both, and what."""
     for (name, first), (another, second) in combinations(parts.items(), 2):
-        if common := shared(first, second):
+        if common := [what for what in shared(first, second) if what not in allowed]:
             raise ValueError(f"'{name}' and '{another}' share {', '.join(common)}: disjoint sets are needed")
 
 

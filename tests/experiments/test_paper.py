@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.paper.fidelity_scenes import measured, other_body, real_results, recipe
+from experiments.paper.fidelity_scenes import IMPAIRMENTS, RADARS, measured, other_body, real_results, recipe
 from experiments.paper.reports import ROOT, experiment_parser, run_experiment
 from experiments.paper.sets import shared
+from rfgen_sionna.radar import Radar
+from rfgen_sionna.signal.receiver.receiver_record import chosen_receiver
 
 PROGRAMS = ("cloud_fidelity", "noise", "overhead", "prompts", "signal_fidelity")
 
@@ -67,6 +69,11 @@ def test_a_measured_scene_has_other_noise_and_nothing_else_in_another_way(quick:
         assert own.rtol < spec.rtol
         assert set(shared([spec], [own])) == {"bodies", "places", "motions", "clips"}
         assert set(shared([spec], [other_body(spec)])) == {"places", "motions", "noise", "clips"}
+
+
+@pytest.mark.parametrize(("radar", "preset"), [each[1:] for each in RADARS])
+def test_boards_can_have_the_impairments(radar: str, preset: str) -> None:
+    assert chosen_receiver(IMPAIRMENTS, Radar.load(radar, preset=preset), True).thermal_noise
 
 
 def test_real_results_are_files() -> None:

@@ -14,6 +14,7 @@ from experiments.paper.sets import check_disjoint, shared, specs_of
 @pytest.mark.parametrize("seed", [0, 1])
 def test_noise_is_tested_on_other_people_motions_and_places(quick: bool, seed: int) -> None:
     sets = noise.recipes(quick, seed)
+    noise.check(sets)
     training = specs_of(sets["clean"]) + specs_of(sets["rooms"], "train")
     seen, unseen = specs_of(sets["rooms"], "seen"), specs_of(sets["unseen"])
     assert shared(training, unseen) == {}
@@ -45,5 +46,6 @@ def test_what_is_shared_is_found() -> None:
     assert set(shared(specs[:1], specs[:1])) == {"bodies", "places", "motions", "noise"}
     captured = [replace(spec, motion="auto", seed=spec.seed + 1) for spec in specs[:2]]
     assert "clips" in shared(captured[:1], captured[1:])
+    check_disjoint({"one": specs, "other": captured}, allowed={"bodies", "places", "motions"})
     with pytest.raises(ValueError, match="'one' and 'other' share bodies"):
         check_disjoint({"one": specs, "other": captured})
