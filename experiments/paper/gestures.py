@@ -29,7 +29,7 @@ from rfgen_sionna.dataset.torch import RadarDataset, to_db
 
 SETS = ("measured", "synthetic", "test", "new_synthetic", "new_test")
 """Recipes `gestures_NAME`."""
-QUICK_COUNTS: Mapping[str, int] = {"measured": 6, "synthetic": 6, "test": 6, "new_synthetic": 4, "new_test": 4}
+QUICK_COUNTS: Mapping[str, int] = dict.fromkeys(SETS, 2)
 """Recordings of each set in the quick form."""
 FLOOR_DB = 40.0
 """Levels further below the strongest of a recording are 0 in the network's input [dB]."""
