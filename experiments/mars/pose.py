@@ -135,7 +135,7 @@ def read_people(
 
     Joints are from the radar's place, along the data's axes.
     """
-    place = np.array([radar.lateral_m, radar.depth_m, radar.height_m])
+    place = np.array([radar.lateral_m, 0.0, radar.height_m])
     people: dict[int, list[PoseFrames]] = {}
     for subject in subjects:
         people[subject] = []

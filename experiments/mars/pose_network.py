@@ -22,7 +22,7 @@ from experiments.mars.pose_frames import FEATURES, JOINTS, Augmentation, PoseFra
 class TrainingPlan:
     """Course of a training: a fixed number of steps, no choice of a state by any test."""
 
-    steps: int = 500
+    steps: int = 1500
     runs: int = 12
     """Runs of frames a step."""
     run_frames: int = 16

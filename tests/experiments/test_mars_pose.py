@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from experiments.mars import pose
+from experiments.mars.body import MarsPose
 from experiments.mars.pose import errors, evaluate, training_sources
 from experiments.mars.pose_frames import (
     FEET,
@@ -21,6 +25,7 @@ from experiments.mars.pose_frames import (
     pose_frames,
 )
 from experiments.mars.pose_network import TrainingPlan, estimate, train_network
+from experiments.mars.recordings import MarsClouds, MarsMovement, write_clouds
 
 PLAN = TrainingPlan(steps=150, runs=8, run_frames=12, kernel=5)
 
@@ -181,3 +186,40 @@ def test_the_table_has_every_source_and_its_ratio() -> None:
     names.insert(1, "real, 9 frames at a time")
     assert list(table) == names
     assert ratios["synthetic"] == pytest.approx(table["synthetic"]["S"]["mean"] / table["real"]["S"]["mean"])
+
+
+def movement_of(subject: int, movement: int, rows: int) -> MarsMovement:
+    """A swaying person as a recording, the Kinect 0.2 m to the left of the radar."""
+    frames = swaying(100 * subject + movement, rows)
+    frame, point = torch.nonzero(frames.present, as_tuple=True)
+    values = frames.points[frame, point].numpy().astype(np.float64)
+    clouds = MarsClouds(np.arange(rows), frame.numpy(), values[:, :3], values[:, 3], np.ones(len(values)))
+    joints = frames.joints.numpy().astype(np.float64) + np.array([0.2, 0, 0])
+    names = tuple(map(str, range(JOINTS)))
+    number, part = np.arange(rows), np.full(rows, "train")
+    return MarsMovement(
+        subject, movement, clouds, joints, names, number, number * np.float64(0.1), np.full(rows, "train")
+    )
+
+
+def test_the_program_pairs_simulated_frames_with_their_joints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded = {subject: [movement_of(subject, number, 600) for number in (1, 2)] for subject in (2, 3)}
+    monkeypatch.setattr(pose, "read_subject", lambda data, subject: recorded[subject])
+    radar = MarsPose(**dict.fromkeys(MarsPose.__dataclass_fields__, 0.0) | {"lateral_m": 0.2})
+    (tmp_path / "pose.json").write_text(json.dumps({"pose": vars(radar)}))
+    for movements in recorded.values():
+        for movement in movements:
+            write_clouds(tmp_path / f"{movement.name}.npz", movement.clouds.at_rows(np.arange(3, 600, 8)))
+    simulated = pose.read_people(tmp_path, [2], radar, [tmp_path])[2][0]
+    real = pose.read_people(tmp_path, [2], radar)[2][0]
+    assert torch.equal(simulated.joints, real.joints[3::8])
+    assert torch.equal(simulated.points, real.points[3::8])
+
+    arguments = ["--data", str(tmp_path), "--synthetic", str(tmp_path), "--pose", str(tmp_path / "pose.json")]
+    output = tmp_path / "joints.json"
+    pose.main([*arguments, "--output", str(output), "--steps", "2", "--seeds", "1"])
+    report = json.loads(output.read_text())
+    assert set(report["unseen people"]) == {"2", "3"}
+    assert report["frames"] == {"real": {"2": 1200, "3": 1200}, "synthetic": {"2": 150, "3": 150}}
+    with pytest.raises(SystemExit):
+        pose.main([*arguments, "--output", str(output), "--subjects", "2"])
