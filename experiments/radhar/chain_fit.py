@@ -1,18 +1,21 @@
 """The board's chain against RadHAR's recordings: which settings they speak for, and what is left between both.
 
-    python -m experiments.radhar.chain_fit --data FOLDER --synthetic FOLDER --output chain_fit.json
+    python -m experiments.radhar.chain_fit --data FOLDER --synthetic SET --rooms FOLDER --output chain_fit.json
 
-Of the real data, the first recording of each activity alone is used. The settings that are tried are TI's own: window
-of the range transform, threshold of CFAR, grouping of peaks; nothing is scaled. `range window` compares the levels of
-three neighbouring bins of the strongest static reflector with those of one target between bins; `moving against range`
-is the mean number of moving points of frames by the median distance of the moving points around them.
+Of the real data, the first recording of each activity alone is used. Tried are TI's own settings of the chain, and of
+the surroundings the level of people and the floor's clutter. `range window` compares the levels of three neighbouring
+bins of the strongest static reflector with those of one target between bins; `moving against range` is the mean number
+of moving points of frames by the median distance of the moving points around them; `levels` are those of points of
+Doppler bin 0, of its neighbours and of the others, by distance: their lowest ones are the threshold there.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,22 +24,33 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import get_window
 
-from experiments.radhar.clouds import simulated_clouds
-from experiments.radhar.recordings import RANGE_BIN_M, CloudRecording, read_training_part
-from experiments.radhar.synthesis import ACTIVITIES, FRAME_RATE_HZ
+from experiments.radhar.clouds import Surroundings, simulated_clouds
+from experiments.radhar.recordings import (
+    ACTIVITIES,
+    FRAME_RATE_HZ,
+    RANGE_BIN_M,
+    CloudRecording,
+    first_recordings,
+    read_part,
+)
 from rfgen_sionna.evaluation import CloudStatistics, compare_statistics
 from rfgen_sionna.processing.boards import CfarSettings, OutOfBoxChain
 
 RANGES_M = (0.6, 1.0, 1.4, 1.8, 2.2, 2.6, 3.0)
 """Edges of the ranges of `moving against range` [m]."""
-VARIANTS: dict[str, dict[str, Any]] = {
-    "TI's chain, rooms": {},
-    "free space": {"rooms": False},
-    "12 dB less": {"loss_db": 12.0},
-    "threshold 15 dB": {"chain": OutOfBoxChain(range_cfar=CfarSettings(threshold_db=15.0))},
-    "greater of both sides": {"chain": OutOfBoxChain(range_cfar=CfarSettings("cago", threshold_db=20.0))},
+VARIANTS: dict[str, Callable[[Surroundings], Surroundings]] = {
+    "fitted": lambda around: around,
+    "free space": lambda around: replace(around, rooms=None),
+    "no floor": lambda around: replace(around, floor_db=-99.0),
+    "floor 3 dB less": lambda around: replace(around, floor_db=around.floor_db - 3.0),
+    "floor 3 dB more": lambda around: replace(around, floor_db=around.floor_db + 3.0),
+    **{f"people {loss:g} dB weaker": partial(replace, loss_db=(loss, loss)) for loss in (0.0, 12.0, 15.0, 18.0)},
+    "threshold 15 dB": lambda around: replace(around, chain=OutOfBoxChain(range_cfar=CfarSettings(threshold_db=15.0))),
+    "greater of both sides": lambda around: replace(
+        around, chain=OutOfBoxChain(range_cfar=CfarSettings("cago", threshold_db=20.0))
+    ),
 }
-"""Simulated variants by name: arguments of :func:`experiments.radhar.clouds.simulated_clouds`."""
+"""Simulated variants by name."""
 
 
 def statistics(recordings: Sequence[CloudRecording]) -> dict[str, Any]:
@@ -60,6 +74,32 @@ def statistics(recordings: Sequence[CloudRecording]) -> dict[str, Any]:
             _quantiles(level[(distance >= low) & (distance < high)], (50,))[0] for low, high in pairwise(RANGES_M)
         ],
     }
+
+
+def levels(recordings: Sequence[CloudRecording]) -> dict[str, list[list[float | None]]]:
+    """Levels [dB] of points by Doppler bin and range between `RANGES_M`: 2, 50 and 95 %; None without 30 points.
+
+    The range bins of what stands still, whose levels hardly change, are left out.
+    """
+    bins = [(np.round(item.distance / RANGE_BIN_M).astype(int), item) for item in recordings]
+    changing = np.concatenate([~steady(number, item) for number, item in bins])
+    doppler = np.abs(np.concatenate([item.doppler for item in recordings]))
+    level = np.concatenate([item.intensity for item in recordings])
+    distance = np.concatenate([item.distance for item in recordings])
+    found = {}
+    for name, own in (("bin 0", doppler == 0), ("bins 1", doppler == 1), ("others", doppler > 1)):
+        parts = [level[own & changing & (distance >= low) & (distance < high)] for low, high in pairwise(RANGES_M)]
+        found[name] = [_quantiles(part if len(part) >= 30 else part[:0], (2, 50, 95)) for part in parts]
+    return found
+
+
+def steady(number: NDArray[np.int64], item: CloudRecording, spread_db: float = 0.6) -> NDArray[np.bool_]:
+    """(point,) whether a point of Doppler bin 0 is in a range bin `number` whose levels spread less than that."""
+    still = item.doppler == 0
+    count = np.maximum(np.bincount(number[still], minlength=number.max() + 1), 1)
+    mean = np.bincount(number[still], item.intensity[still], minlength=len(count)) / count
+    square = np.bincount(number[still], (item.intensity - mean[number])[still] ** 2, minlength=len(count)) / count
+    return still & (np.sqrt(square)[number] < spread_db)
 
 
 def moving_against_range(recordings: Sequence[CloudRecording]) -> list[float | None]:
@@ -151,31 +191,27 @@ def _by_activity(recordings: Sequence[CloudRecording]) -> dict[str, Any]:
     return {
         **{name: statistics(items) for name, items in own.items() if items},
         "moving against range, walk": moving_against_range(own["walk"]),
+        "levels": levels(recordings),
     }
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder with radhar/Train")
-    parser.add_argument("--synthetic", type=Path, required=True, help="folder of experiments.radhar.synthesis")
+    parser.add_argument("--synthetic", type=Path, required=True, help="data set built from recipe.toml")
+    parser.add_argument("--rooms", type=Path, required=True, help="folder of experiments.radhar.surroundings")
     parser.add_argument("--output", type=Path, required=True, help="JSON file")
     parser.add_argument("--variants", nargs="*", default=list(VARIANTS), choices=list(VARIANTS))
-    parser.add_argument("--every", type=int, default=1, help="every N-th simulated recording of an activity alone")
     arguments = parser.parse_args()
-    part = read_training_part(arguments.data)
-    real = [next(item for item in part if item.activity == name) for name in ACTIVITIES]
+    real = first_recordings(read_part(arguments.data))
     result: dict[str, Any] = {
         "recordings": {"real": [f"{item.activity}/{item.name}" for item in real]},
         "ranges [m]": list(RANGES_M),
         "range window, rms [dB]": range_window_errors(real),
         "real": _by_activity(real),
     }
-    files = [
-        file for name in ACTIVITIES for file in sorted(arguments.synthetic.glob(f"{name}-*.npy"))[:: arguments.every]
-    ]
     for name in arguments.variants:
-        simulated = simulated_clouds(arguments.synthetic, names=[file.stem for file in files], **VARIANTS[name])
-        result["recordings"]["simulated"] = [item.name for item in simulated]
+        simulated = simulated_clouds(arguments.synthetic, VARIANTS[name](Surroundings(arguments.rooms)))
         result[name] = {**_by_activity(simulated), "distance from real": compared(real, simulated)}
     arguments.output.write_text(json.dumps(result, indent=1) + "\n")
     print(json.dumps(result, indent=1))

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.radhar.synthesis import ACTIVITIES
 from rfgen_sionna.processing.boards import BoardPoints
 
+ACTIVITIES = ("boxing", "jack", "jump", "squats", "walk")
+"""Names of RadHAR's folders."""
+FRAME_RATE_HZ = 27.0
+"""Frames a second that RadHAR's files hold; the board makes 30, some are lost on their way."""
 RANGE_BIN_M = 0.04091
 """Step of |xyz| in RadHAR's files [m]."""
 
@@ -40,7 +44,7 @@ class CloudRecording:
 
 
 def read_recording(file: Path) -> CloudRecording:
-    """One `.npz` of the training part."""
+    """One `.npz` of RadHAR."""
     with np.load(file) as stored:
         start = stored["point_id"] == 0
         xyz = stored["xyz"].astype(np.float64)
@@ -56,8 +60,8 @@ def read_recording(file: Path) -> CloudRecording:
         )
 
 
-def read_training_part(data: Path) -> list[CloudRecording]:
-    """All recordings below `data`/radhar/Train, by activity and name.
+def read_part(data: Path, part: str = "Train") -> list[CloudRecording]:
+    """All recordings below `data`/radhar/PART, by activity and name.
 
     Raises
     ------
@@ -66,11 +70,16 @@ def read_training_part(data: Path) -> list[CloudRecording]:
     """
     found = []
     for activity in ACTIVITIES:
-        folder = data / "radhar" / "Train" / activity
+        folder = data / "radhar" / part / activity
         if not folder.is_dir():
-            raise FileNotFoundError(f"{folder}: RadHAR's training part is needed (github.com/nesl/RadHAR), as .npz")
+            raise FileNotFoundError(f"{folder}: RadHAR's part {part} is needed (github.com/nesl/RadHAR), as .npz")
         found += [read_recording(file) for file in sorted(folder.glob("*.npz"))]
     return found
+
+
+def first_recordings(recordings: Sequence[CloudRecording]) -> list[CloudRecording]:
+    """The first recording of each activity, which the chain and the manner of the motions are fitted on."""
+    return [next(item for item in recordings if item.activity == name) for name in ACTIVITIES]
 
 
 def from_board_points(points: BoardPoints, activity: str, name: str) -> CloudRecording:
