@@ -178,6 +178,24 @@ def test_classifiers_tell_rates_apart(name: str, monkeypatch: pytest.MonkeyPatch
     assert share_right(trained_on(name, synthetic, real, 0), real) > 0.9
 
 
+def test_another_part_is_tested_alone(tmp_path: Path) -> None:
+    pytest.importorskip("sklearn")
+    for name in ACTIVITIES:
+        for number in range(2):
+            item = swing(name, 80 + number)
+            folder = tmp_path / "radhar" / "Test" / name
+            folder.mkdir(parents=True, exist_ok=True)
+            np.savez(
+                folder / f"{number}.npz", point_id=np.zeros(item.frames, int), xyz=item.position,
+                dbin=item.doppler + 8, intensity=item.intensity,
+            )  # fmt: skip
+    test = window_set(read_part(tmp_path, "Test"), 27)
+    real = window_set([swing(name, number) for name in ACTIVITIES for number in range(5)], 27)
+    found = evaluate("logistic regression", real, real, 1, test)
+    assert np.sum(found["confusion"]) == len(test.activity) == 50
+    assert found["real to real"]["mean"] == found["synthetic to real"]
+
+
 def test_a_part_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="part Test is needed"):
         read_part(tmp_path, "Test")
