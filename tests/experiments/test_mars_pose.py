@@ -197,9 +197,7 @@ def movement_of(subject: int, movement: int, rows: int) -> MarsMovement:
     joints = frames.joints.numpy().astype(np.float64) + np.array([0.2, 0, 0])
     names = tuple(map(str, range(JOINTS)))
     number, part = np.arange(rows), np.full(rows, "train")
-    return MarsMovement(
-        subject, movement, clouds, joints, names, number, number * np.float64(0.1), np.full(rows, "train")
-    )
+    return MarsMovement(subject, movement, clouds, joints, names, number, number * np.float64(0.1), part)
 
 
 def test_the_program_pairs_simulated_frames_with_their_joints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
