@@ -33,6 +33,7 @@ TARGETS: Mapping[str, float | tuple[float, float]] = {
     "range correlation over the stick figure's": 0.1,
 }  # fmt: skip
 PREDICTORS = ("simulated", "simulated, shifted", "stick figure", "stick figure, shifted")
+TOGETHER, OTHER = "simulated bodies together", "another simulated body"
 
 
 @dataclass(frozen=True)
@@ -48,18 +49,42 @@ class MarsComparison:
     """By name of `PREDICTORS`."""
 
 
-def compared_movement(movement: MarsMovement, simulated: MarsClouds, figure: MarsCourse) -> MarsComparison:
-    """Courses of the recorded and simulated clouds and of the stick figure, with their shifted controls."""
+def compared_movement(
+    movement: MarsMovement, simulated: MarsClouds, figure: MarsCourse, others: Sequence[MarsClouds] = ()
+) -> MarsComparison:
+    """Courses of the recorded and simulated clouds and of the stick figure, with their shifted controls.
+
+    With `others`, clouds of other bodies at the same rows, the points of all bodies together are a predictor, too.
+    """
     ours = course_of_clouds(simulated)
     recorded = movement.clouds.at_rows(simulated.row)
     predicted = dict(zip(PREDICTORS, (ours, _shifted(ours), figure, _shifted(figure)), strict=True))
+    if others:
+        predicted[TOGETHER] = course_of_clouds(pooled_clouds([simulated, *others]))
+        predicted[OTHER] = course_of_clouds(others[0])
     return MarsComparison(movement, recorded, simulated, course_of_clouds(recorded), predicted)
+
+
+def pooled_clouds(draws: Sequence[MarsClouds]) -> MarsClouds:
+    """The points of several simulations of the same rows in one cloud a frame.
+
+    Raises
+    ------
+    ValueError
+        If the rows differ.
+    """
+    if any(not np.array_equal(each.row, draws[0].row) for each in draws):
+        raise ValueError("simulations have other rows: make them with the same --every and --rows")
+    order = np.argsort(np.concatenate([each.frame for each in draws]), kind="stable")
+    columns = [np.concatenate([getattr(each, name) for each in draws])[order] for name in
+               ("frame", "xyz", "doppler", "intensity")]  # fmt: skip
+    return MarsClouds(draws[0].row, *columns)
 
 
 def figures(items: Sequence[MarsComparison]) -> dict[str, Any]:
     """Figures over the frames of all `items`, by predictor; correlations are means over them."""
     found: dict[str, Any] = {"frames": int(sum(len(item.recorded.row) for item in items))}
-    for name in PREDICTORS:
+    for name in items[0].predicted:
         pooled = [(item.course, item.predicted[name]) for item in items]
         recorded, predicted = (_pooled([pair[index] for pair in pooled]) for index in (0, 1))
         found[name] = {
@@ -77,6 +102,11 @@ def figures(items: Sequence[MarsComparison]) -> dict[str, Any]:
                 )
             },
         }
+    if OTHER in items[0].predicted:
+        bodies = [(item.predicted["simulated"], item.predicted[OTHER]) for item in items]
+        found["one simulated body on another, centroid correlation"] = _mean_correlation(
+            bodies, lambda course: course.doppler.centroid
+        )
     return found
 
 
@@ -196,6 +226,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder with mars/subjectN")
     parser.add_argument("--clouds", type=Path, required=True, help="folder of experiments.mars.clouds")
+    parser.add_argument("--others", type=Path, nargs="*", default=[], help="folders of other bodies, at the same rows")
     parser.add_argument("--output", type=Path, required=True, help="JSON file")
     parser.add_argument("--pose", type=Path, default=POSE_FILE, help="pose of the radar, of experiments.mars.fit")
     parser.add_argument("--picture", type=Path, help="PNG file with courses of the mean Doppler")
@@ -211,7 +242,8 @@ def main() -> None:
             if movement.name in names:
                 clouds = read_clouds(arguments.clouds / f"{movement.name}.npz")
                 figure = stick.course(movement, pose, clouds.row)
-                comparisons.setdefault(subject, []).append(compared_movement(movement, clouds, figure))
+                others = [read_clouds(folder / f"{movement.name}.npz") for folder in arguments.others]
+                comparisons.setdefault(subject, []).append(compared_movement(movement, clouds, figure, others))
     result: dict[str, Any] = {"fitted on subject": FITTED_ON, "subjects": {}}
     for subject, items in comparisons.items():
         own: dict[str, Any] = {"all": figures(items), "clouds": cloud_figures(items)}

@@ -88,7 +88,7 @@ def fitted_lag(movements: Sequence[MarsMovement], pose: MarsPose) -> dict[float,
     return found
 
 
-def fitted_levels(parts: Sequence[SimulatedPart], pose: MarsPose, rounds: int = 4) -> MarsPose:
+def fitted_levels(parts: Sequence[SimulatedPart], pose: MarsPose, rounds: int = 6) -> MarsPose:
     """The pose with the full scale that gives the weakest points (5 %) their intensity, and the gain that gives the
     frames their summed intensity."""
     for _ in range(rounds):
@@ -163,7 +163,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)
     movements = read_subject(arguments.data, SUBJECT)
-    middle = MarsPose(0.0, LATERAL_M, 0.0, 0.0, 0.0, 9.0, -3.0)
+    middle = MarsPose(0.0, LATERAL_M, 0.0, 0.0, 0.0, 0.0, -13.0)
     lags = fitted_lag(movements, middle)
     middle = replace(middle, lag_s=max(lags, key=lambda lag: lags[lag]))
     print({lag: round(value, 3) for lag, value in lags.items()}, flush=True)

@@ -11,7 +11,14 @@ import pytest
 
 from experiments.mars.body import MarsPose, frame_times, joint_track, pose_record, read_pose, to_world
 from experiments.mars.clouds import clouds_of
-from experiments.mars.compare import PREDICTORS, against_targets, cloud_figures, compared_movement, figures
+from experiments.mars.compare import (
+    PREDICTORS,
+    against_targets,
+    cloud_figures,
+    compared_movement,
+    figures,
+    pooled_clouds,
+)
 from experiments.mars.courses import BONES, StickFigure, bone_courses, course_of_clouds
 from experiments.mars.fit import fitted_lag, fitted_levels, fitted_range
 from experiments.mars.recordings import (
@@ -270,6 +277,21 @@ def test_figures_of_a_perfect_prediction_and_of_its_controls() -> None:
     targets = against_targets({"all": everything, "clouds": clouds})
     assert targets["centroid rms [m/s]"]["met"]
     assert not targets["centroid correlation over the stick figure's"]["met"]
+
+
+def test_bodies_are_pooled_at_the_same_rows() -> None:
+    item = acted()
+    quick = replace(item.clouds, doppler=item.clouds.doppler + 1.0)
+    both = pooled_clouds([item.clouds, quick])
+    np.testing.assert_array_equal(both.counts, 2 * item.clouds.counts)
+    one, pooled = course_of_clouds(item.clouds), course_of_clouds(both)
+    np.testing.assert_allclose(pooled.doppler.centroid, one.doppler.centroid + 0.5)
+    figure = StickFigure.fit([item], POSE).course(item, POSE, item.clouds.row)
+    found = figures([compared_movement(item, item.clouds, figure, [quick])])
+    assert found["one simulated body on another, centroid correlation"] == pytest.approx(1.0)
+    assert found["simulated bodies together"]["centroid rms [m/s]"] == pytest.approx(0.5)
+    with pytest.raises(ValueError, match="other rows"):
+        pooled_clouds([item.clouds, item.clouds.at_rows(np.arange(5))])
 
 
 @pytest.mark.parametrize("subject", [2, 3])
