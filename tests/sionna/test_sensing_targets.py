@@ -83,7 +83,7 @@ def decibels(ratio):
     ("mesh", "cross_section"),
     [
         # A sphere of metal: pi a^2, and the interference with physical optics' shadow edge of at most 1 / (k a).
-        (ball(0.05, 5), lambda wavelength: np.pi * 0.05**2),
+        (ball(0.05, 6), lambda wavelength: np.pi * 0.05**2),
         (plate(0.06, 0.04), lambda wavelength: 4 * np.pi * (0.06 * 0.04) ** 2 / wavelength**2),
     ],
 )
