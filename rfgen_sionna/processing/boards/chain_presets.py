@@ -13,8 +13,8 @@ CHAINS: Mapping[str, OutOfBoxChain] = MappingProxyType(
         # points are 93 %; levels of neighbouring range bins are those of Blackman's window.
         "radhar": OutOfBoxChain(),
         # Points of one range fill neighbouring Doppler bins. Without removal of static clutter, simulated people have
-        # a Doppler histogram at five times the distance from the recorded one.
-        "mars": OutOfBoxChain(group_doppler=False, clutter_removal=True),
+        # a Doppler histogram at five times the distance from the recorded one. The full scale gives the intensities.
+        "mars": OutOfBoxChain(group_doppler=False, clutter_removal=True, full_scale_dbm=-13.0),
     }
 )
 """Chain by data set: RadHAR (Singh et al., mmNets 2019) and MARS (An and Ogras, ACM TECS 2021), both of an IWR1443.
