@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -109,6 +109,15 @@ rfgen dataset export gestures/ gestures-npy/ --format npy
 
 rfgen dataset export gestures/ gestures-di/ --format di_gesture --split train"""
 
+_AUGMENT = """[bold]Examples[/bold]
+
+rfgen dataset augment gestures/ more/ --variants variants.toml
+
+rfgen dataset augment gestures/ more/ --resume
+
+The set was built with "paths" in keep. The file has a table \\[\\[variants]] for each variant, with any of preset, \
+radar, receiver (a table, such as {adc = {bits = 12, full_scale_dbm = -26.0}}) and seed; an empty one is other noise."""
+
 RecipeFile = Annotated[Path, typer.Argument(help="TOML file of the recipe.", dir_okay=False, show_default=False)]
 Folder = Annotated[Path, typer.Argument(help="Folder of the data set.", file_okay=False, show_default=False)]
 OwnRecipe = Annotated[
@@ -121,6 +130,9 @@ Workers = Annotated[
 Engine = Annotated[str, typer.Option(help='"processes" of this machine, or "ray", a cluster.')]
 Address = Annotated[str | None, typer.Option(help='Cluster of Ray: "auto", its address, or "local" (default).')]
 Gpus = Annotated[float, typer.Option(min=0.0, help="GPUs of each worker, such as 0.25; 0 computes on the CPU.")]
+TimeLimit = Annotated[
+    float | None, typer.Option(help="Longest time of one recording in seconds, with processes; then it fails.")
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")]
 
 
@@ -150,35 +162,50 @@ def build(
     engine: Engine = "processes",
     address: Address = None,
     gpus_per_worker: Gpus = 0.0,
+    time_limit: TimeLimit = None,
     order: Annotated[str, typer.Option(help='"forward" or "reversed"; the set is the same.')] = "forward",
 ) -> None:
     """Make the recordings of a recipe."""
     from rfgen_sionna.recipes.building import build_dataset
 
-    options: dict[str, Any] = {"engine": engine, "address": address, "gpus_per_worker": gpus_per_worker}
+    options: dict[str, Any] = {"engine": engine, "address": address, "gpus_per_worker": gpus_per_worker, "order": order}
     with _continued_later(output):
-        report = build_dataset(recipe, output, workers=workers, order=order, progress=True, **options)  # type: ignore[arg-type]
+        report = build_dataset(recipe, output, workers=workers, time_limit=time_limit, progress=True, **options)
     _report(report)
 
 
-@datasets.command(epilog=_RESUME)
-def resume(
-    folder: Folder,
-    recipe: OwnRecipe = None,
-    workers: Workers = None,
-    engine: Engine = "processes",
-    address: Address = None,
-    gpus_per_worker: Gpus = 0.0,
-) -> None:
+def _of_a_set(make: Callable[..., BuildReport | None]) -> Callable[..., None]:
+    """Command that makes recordings of a set that is there, with the options of a build."""
+
+    def command(
+        folder: Folder,
+        recipe: OwnRecipe = None,
+        workers: Workers = None,
+        engine: Engine = "processes",
+        address: Address = None,
+        gpus_per_worker: Gpus = 0.0,
+        time_limit: TimeLimit = None,
+    ) -> None:
+        options: dict[str, Any] = {"engine": engine, "address": address, "gpus_per_worker": gpus_per_worker}
+        report = make(folder, recipe, workers=workers, time_limit=time_limit, progress=True, **options)
+        if report is None:
+            out.print(f"[green]whole:[/green] nothing in {escape(str(folder))} is damaged", soft_wrap=True)
+        else:
+            _report(report)
+
+    command.__doc__ = make.__doc__
+    return command
+
+
+@datasets.command("resume", epilog=_RESUME)
+@_of_a_set
+def resume(folder: Path, recipe: Path | None, **options: Any) -> BuildReport:
     """Make what an interrupted build lacks."""
     from rfgen_sionna.recipes.building import build_dataset
     from rfgen_sionna.recipes.set_facts import recipe_of_set
 
-    options: dict[str, Any] = {"engine": engine, "address": address, "gpus_per_worker": gpus_per_worker}
-    read = recipe_of_set(folder, recipe)
     with _continued_later(folder):
-        report = build_dataset(read, folder, workers=workers, resume=True, progress=True, **options)
-    _report(report)
+        return build_dataset(recipe_of_set(folder, recipe), folder, resume=True, **options)
 
 
 @datasets.command(epilog=_VERIFY)
@@ -197,24 +224,33 @@ def verify(folder: Folder) -> None:
     out.print(f"[green]whole:[/green] all files of {escape(str(folder))} are as they were written", soft_wrap=True)
 
 
-@datasets.command(epilog=_REPAIR)
-def repair(
-    folder: Folder,
-    recipe: OwnRecipe = None,
-    workers: Workers = None,
-    engine: Engine = "processes",
-    address: Address = None,
-    gpus_per_worker: Gpus = 0.0,
-) -> None:
+@datasets.command("repair", epilog=_REPAIR)
+@_of_a_set
+def repair(folder: Path, recipe: Path | None, **options: Any) -> BuildReport | None:
     """Give damaged files their old bytes back."""
     from rfgen_sionna.recipes.repairing import repair_dataset
 
-    options: dict[str, Any] = {"engine": engine, "address": address, "gpus_per_worker": gpus_per_worker}
-    report = repair_dataset(folder, recipe, workers=workers, progress=True, **options)
-    if report is None:
-        out.print(f"[green]whole:[/green] nothing in {escape(str(folder))} is damaged", soft_wrap=True)
-    else:
-        _report(report)
+    return repair_dataset(folder, recipe, **options)
+
+
+@datasets.command(epilog=_AUGMENT)
+def augment(
+    folder: Folder,
+    output: Annotated[Path, typer.Argument(help="Folder of the new set, new or empty.", show_default=False)],
+    variants: Annotated[Path | None, typer.Option(help="TOML file of the variants.", dir_okay=False)] = None,
+    keep: Annotated[list[str] | None, typer.Option(help="What is stored, each (default: as in the set).")] = None,
+    workers: Workers = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the set in OUTPUT and its variants.")] = False,
+) -> None:
+    """Make recordings of other noise, receivers or presets from stored paths, without a trace."""
+    from rfgen_sionna.recipes.augmentation import augment_dataset, read_variants, variants_of
+
+    if (variants is None) != resume:
+        raise ValueError("--variants FILE begins a set, --resume goes on with one: give one of them")
+    chosen = variants_of(output) if variants is None else read_variants(variants)
+    made = augment_dataset(folder, output, chosen, keep=keep, workers=workers, resume=resume, progress=True)
+    out.print(escape(str(made)), soft_wrap=True, highlight=False)
+    report_written(output)
 
 
 @datasets.command(epilog=_SHOW)

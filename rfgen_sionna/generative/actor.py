@@ -75,10 +75,14 @@ class Actor(MeshActor):
     """Distances of the body's joints from those that it was made from, of an actor from joints."""
     thing_record: Thing | None = None
     """Kind, action and parameters of an animal or a thing."""
+    named_action: str = ""
+    """Action in the labels, in place of that of prompt, thing or motion."""
 
     @property
     def action(self) -> str:
         """Action of the prompt, the thing, or a motion by this package's sources; "clip: NAME" for another one."""
+        if self.named_action:
+            return self.named_action
         if self.thing_record is not None:
             return self.thing_record.action
         if self.prompt is not None:

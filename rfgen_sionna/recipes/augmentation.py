@@ -9,7 +9,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from os import PathLike, getpid
 from pathlib import Path
@@ -135,10 +135,26 @@ def augment_dataset(
     return open_dataset(target)
 
 
+def read_variants(path: str | PathLike[str]) -> list[Variant]:
+    """The variants in a TOML file, tables `[[variants]]` with the fields of :class:`Variant`; paths are relative to it.
+
+    ValueError if there are none, or one has another key.
+    """
+    file, known = Path(path), [each.name for each in fields(Variant)]
+    tables = tomllib.loads(file.read_text(encoding="utf-8")).get("variants")
+    if not isinstance(tables, list) or not tables or not all(isinstance(each, dict) for each in tables):
+        raise ValueError(f"'{file}' has no tables [[variants]]: one for each variant is needed")
+    if other := sorted(set().union(*tables) - set(known)):
+        raise ValueError(f"'{file}': a variant has the key '{other[0]}'; allowed are {', '.join(known)}")
+    for each in tables:
+        if (beside := file.parent / str(each.get("radar"))).is_file():
+            each["radar"] = str(beside)
+    return [Variant(**each) for each in tables]
+
+
 def variants_of(folder: str | PathLike[str]) -> list[Variant]:
     """The variants that the set in `folder` was made of; ValueError if it is not derived from another one."""
-    with open_dataset(folder) as recordings:
-        table = tomllib.loads(recordings.recipe_text or "").get(AUGMENTATION)
+    table = tomllib.loads((Path(folder) / RECIPE).read_text(encoding="utf-8")).get(AUGMENTATION)
     if table is None:
         raise ValueError(f"'{folder}' is derived from no other set: `rfgen dataset repair` or `resume` makes it again")
     return [Variant(**each) for each in json.loads(table["variants"])]

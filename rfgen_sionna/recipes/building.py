@@ -33,7 +33,15 @@ from rfgen_sionna.recipes.present_recordings import present_recordings
 from rfgen_sionna.recipes.process_engine import LocalProcesses
 from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.recording_job import RecordingJob
-from rfgen_sionna.recipes.set_facts import ORIGIN, RECIPE, SetFacts, note_origin, with_plain_ends
+from rfgen_sionna.recipes.set_facts import (
+    ORIGIN,
+    PROCESSOR,
+    RECIPE,
+    SetFacts,
+    note_origin,
+    note_processor,
+    with_plain_ends,
+)
 
 EngineName = Literal["processes", "ray"]
 Order = Literal["forward", "reversed"] | Sequence[int]
@@ -85,6 +93,7 @@ def build_dataset(
     engine: EngineName = "processes",
     address: str | None = None,
     gpus_per_worker: float = 0.0,
+    time_limit: float | None = None,
     order: Order = "forward",
     resume: bool = False,
     progress: bool | Callable[[int, int], None] | None = None,
@@ -106,6 +115,9 @@ def build_dataset(
         Cluster of Ray: "auto" for the running one, its address, or "local" (None) for one on this machine.
     gpus_per_worker
         GPUs of each worker, also a fraction; 0 computes on the CPU, whose samples are other ones within `rtol`.
+    time_limit
+        Longest time of one recording [s], with processes: its process is ended, and the recording listed as one that a
+        later call tries again. None waits.
     order
         Order in which recordings are begun; the set is the same for all.
     resume
@@ -130,10 +142,11 @@ def build_dataset(
     _check_output(folder, recipe, resume)
     numbers, device = _ordered(order, recipe.count), "cpu" if gpus_per_worker == 0 else "cuda"
     state = BuildingFolder(folder, SetFacts.of(recipe, device))
-    made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path)
+    made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path, time_limit)
     with state.locked(), progress_steps(progress, recipe.count) as step:
         _check_output(folder, recipe, resume)  # again: another build may have been quicker
         _check_unchanged(state)
+        note_processor(folder)
         if not isinstance(source, Recipe):
             note_origin(folder, source)
         job = RecordingJob(recipe, state.path, device)
@@ -291,7 +304,7 @@ def _check_output(folder: Path, recipe: Recipe, resume: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"output '{folder}' is a file: a folder is needed")
     there = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
-    if there <= {BUILDING, ORIGIN} and not any((folder / BUILDING).glob("[0-9]*.h5")):  # nothing was begun
+    if there <= {BUILDING, ORIGIN, PROCESSOR} and not any((folder / BUILDING).glob("[0-9]*.h5")):  # nothing was begun
         return
     stored = folder / RECIPE
     known = (folder / BUILDING).is_dir() or (folder / SUMS).is_file() or any(folder.glob(SHARDS))
@@ -340,15 +353,22 @@ def _ordered(order: Order, count: int) -> list[int]:
 
 
 def chosen_engine(
-    name: str, workers: int | None, address: str | None, gpus_per_worker: float, folder: Path
+    name: str,
+    workers: int | None,
+    address: str | None,
+    gpus_per_worker: float,
+    folder: Path,
+    time_limit: float | None = None,
 ) -> BuildEngine:
     if not (isinstance(gpus_per_worker, int | float) and 0.0 <= gpus_per_worker <= 64.0):
         raise ValueError(f"gpus_per_worker is {gpus_per_worker!r}: a number of at least 0 is needed")
     if name == "processes":
         if address is not None:
             raise ValueError(f"address is {address!r}, which belongs to the engine 'ray'")
-        return LocalProcesses(workers, gpu=gpus_per_worker > 0)
+        return LocalProcesses(workers, gpu=gpus_per_worker > 0, time_limit=time_limit)
     if name == "ray":
+        if time_limit is not None:
+            raise ValueError(f"time_limit is {time_limit!r}, which belongs to the engine 'processes'")
         from rfgen_sionna.recipes.ray_engine import RayCluster
 
         return RayCluster(workers, address=address, gpus_per_worker=gpus_per_worker, folder=folder)

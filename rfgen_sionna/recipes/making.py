@@ -20,6 +20,7 @@ from rfgen_sionna.generative.radar_placement import place_before_radar
 from rfgen_sionna.generative.several_actors import placed_before
 from rfgen_sionna.options import chosen_view, placed_radar
 from rfgen_sionna.radar import Radar
+from rfgen_sionna.recipes.recipe_sources import clip_of
 from rfgen_sionna.recipes.recording_spec import BodySpec, RecordingSpec, SourceSpec
 from rfgen_sionna.recording import ImageView, RunPlan, write_run
 from rfgen_sionna.scene.floor import floor_under
@@ -170,6 +171,7 @@ def _placed_sources(spec: RecordingSpec, request: SceneRequest, scene: RadarScen
         else:
             make = _clip if source.kind == "clip" else _joints
             made.append(make(spec, source, place, scene, radar))
+        made[-1] = replace(made[-1], named_action=source.options.get("action", ""))
     return made
 
 
@@ -199,7 +201,7 @@ def _floor(scene: RadarScene, radar: Radar, place: Placement) -> tuple[tuple[flo
 
 def _clip(spec: RecordingSpec, source: SourceSpec, place: Placement, scene: RadarScene, radar: Radar) -> Actor:
     body = _first_body(spec)
-    clip = Path(source.file or "")
+    clip = clip_of(source)
     said = with_placement(read_clip_prompt(source.text, "", spec.motion_seed, clip), place)
     words = read_clip_prompt(source.text, "", body.seed, clip).body
     said = with_person_body(replace(said, body=words), body)
@@ -240,4 +242,4 @@ def _mesh(source: SourceSpec, place: Placement, scene: RadarScene, radar: Radar)
 
 
 def _options(source: SourceSpec) -> dict[str, Any]:
-    return {name: value for name, value in source.options.items() if value is not None}
+    return {name: value for name, value in source.options.items() if name != "action" and value is not None}

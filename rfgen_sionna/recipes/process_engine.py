@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections import Counter, deque
 from collections.abc import Generator, Iterable
 from contextlib import suppress
@@ -69,10 +70,22 @@ class LocalProcesses:
         Whether the processes may use a GPU.
     max_memory
         Memory above which a process is replaced after its recording [bytes].
+    time_limit
+        Time of one recording after which its process is ended [s]; None waits.
     """
 
-    def __init__(self, workers: int | None = None, *, gpu: bool = False, max_memory: int = MAX_WORKER_MEMORY) -> None:
+    def __init__(
+        self,
+        workers: int | None = None,
+        *,
+        gpu: bool = False,
+        max_memory: int = MAX_WORKER_MEMORY,
+        time_limit: float | None = None,
+    ) -> None:
+        if time_limit is not None and not time_limit > 0.0:
+            raise ValueError(f"time_limit is {time_limit!r}: more than 0 s is needed")
         self.workers, self._gpu, self._max_memory = chosen_workers(workers), gpu, max_memory
+        self._time_limit = float("inf") if time_limit is None else time_limit
 
     def outcomes(self, job: Job, numbers: Iterable[int]) -> Generator[Outcome, None, None]:
         """Outcomes of the recordings, in the order in which they end; at the end of the iteration all processes end.
@@ -104,11 +117,13 @@ class LocalProcesses:
                         workers.append(worker)
                         ready.register(worker.answers, selectors.EVENT_READ, worker)
                         worker.give(left.popleft())
-                    for key, _ in ready.select():
+                    begun = [each.begun for each in workers if each.number is not None]
+                    patience = max(0.0, min(begun, default=0.0) + self._time_limit - time.monotonic())
+                    for key, _ in ready.select(None if patience == float("inf") else patience):
                         worker, number = key.data, key.data.number
                         line = worker.answers.readline()
                         if line == f"{READY}\n".encode():
-                            worker.started, failed_starts = True, 0
+                            worker.started, failed_starts, worker.begun = True, 0, time.monotonic()
                         elif line.endswith(b"\n"):
                             outcome = Outcome.from_dict(json.loads(line))
                             worker.number = None
@@ -132,6 +147,11 @@ class LocalProcesses:
                                     left.appendleft(number)
                                 else:
                                     yield Outcome(number, "crashed", f"{MAX_CRASHES} workers ended: {_exit_text(code)}")
+                    late = time.monotonic() - self._time_limit
+                    for worker, number in [(each, each.number) for each in workers if each.begun < late]:
+                        if number is not None:
+                            end(worker)
+                            yield Outcome(number, "crashed", f"not made in {self._time_limit:g} s (time_limit)")
             finally:
                 for worker in list(workers):
                     end(worker)
@@ -177,13 +197,15 @@ class _WorkerHandle:
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, bufsize=0
         )
         self.number: int | None = None
-        self.started = False
+        self.started, self.begun = False, float("inf")
         self.answers: Any = self._process.stdout
         self._send(_message(job))
 
     def give(self, number: int) -> None:
         """Let it make a recording."""
         self.number = number
+        if self.started:
+            self.begun = time.monotonic()
         self._send(f"{number}\n".encode())
 
     def _send(self, data: bytes) -> None:

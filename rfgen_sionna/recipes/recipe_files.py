@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from rfgen_sionna.generative.motion_library import FOLDER
 from rfgen_sionna.recipes.recipe_contents import RecipeContents
 from rfgen_sionna.recipes.recipe_error import faults_of
 from rfgen_sionna.recipes.recipe_places import scene_file
@@ -54,7 +55,8 @@ def _named(recipe: RecipeContents) -> Iterator[tuple[str, Path]]:
     """Path of a key, and the file or folder that it names."""
     for (key, _), source in zip(source_tables(recipe.tables), recipe.sources, strict=True):
         if source.spec.file is not None:
-            yield key, Path(source.spec.file)
+            path = Path(source.spec.file)
+            yield key, path if path.is_absolute() else FOLDER
     for radar in recipe.radars:
         for key, name in (("radar", radar.radar), ("board", radar.board)):
             if name is not None:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from rfgen_sionna.generative.actor import Actor
-from rfgen_sionna.generative.clip_person import read_clip_prompt
+from rfgen_sionna.generative.clip_choice import library
+from rfgen_sionna.generative.clip_person import Clip, read_clip_prompt
 from rfgen_sionna.generative.motion.importers import MOTION_SUFFIXES, load_any_motion
 from rfgen_sionna.generative.motion.joint_recording import record_joints
+from rfgen_sionna.generative.motion_library import LibraryClip
 from rfgen_sionna.generative.motion_sources import check_source, motion_source
 from rfgen_sionna.generative.prompts import ScenePrompt
 from rfgen_sionna.generative.prompts.thing_prompt import ThingPrompt
@@ -37,7 +40,7 @@ class Source:
 
     spec: SourceSpec
     actions: tuple[str, ...]
-    """Action of each actor; of files their names."""
+    """Action of each actor; of files without one their names."""
     people: int
     """Number of people, who have bodies."""
     surroundings: str | None = None
@@ -83,24 +86,43 @@ def read_source(table: SourceTable, located: Callable[[str], Path], motion: str,
     kind: Any = next(name for name in SOURCE_OPTIONS if getattr(table, name) is not None)
     if kind == "prompt":
         return _prompt(str(table.prompt), motion, duration)
-    path = located(getattr(table, kind))
+    shipped = kind == "clip" and table.clip in library_clips()
+    path = Path(str(table.clip)) if shipped else located(getattr(table, kind))
     options = {
         name: getattr(table, name)
         for name in SOURCE_OPTIONS[kind]
         if name != "words" and getattr(table, name) is not None
     }
-    spec = SourceSpec(kind, table.words, str(path), options)
+    if shipped:
+        options = {"action": library_clips()[str(table.clip)].action} | options
+        if idle := {"up", "frame_rate"} & options.keys():
+            raise ValueError(f"{min(idle)} belongs to a file, and '{path}' is a shipped clip: leave it out")
+    elif kind == "mesh":
+        options = {"action": path.stem} | options
+    spec, name = SourceSpec(kind, table.words, str(path), options), options.get("action", path.stem)
     if kind == "clip":
         said = [read_clip_prompt(table.words, "", seed, path) for seed in range(READINGS)]
         _check_unused(said[0])
-        place, name = said[0].surroundings, path.stem
+        place = said[0].surroundings
         return Source(
             spec, (name,), 1, place, _distances(said), _traits(said[0]), own_place=_own_place(said),
             open_actions=frozenset((name,)),
         )  # fmt: skip
     own = dict.fromkeys(_PLACE_KEYS) if table.position_m is not None else {}
     people = 1 if kind == "joints" else 0
-    return Source(spec, (path.stem,), people, own_place=own, open_actions=frozenset((path.stem,)))
+    return Source(spec, (name,), people, own_place=own, open_actions=frozenset((name,)))
+
+
+@cache
+def library_clips() -> Mapping[str, LibraryClip]:
+    """Shipped clips by their names."""
+    return {clip.name: clip for clip in library()}
+
+
+def clip_of(source: SourceSpec) -> Clip:
+    """Motion or file of a clip."""
+    path = Path(source.file or "")
+    return path if path.is_absolute() else library().motion(path.name)
 
 
 def _prompt(text: str, motion: str, duration: float) -> Source:
@@ -126,8 +148,9 @@ def _prompt(text: str, motion: str, duration: float) -> Source:
 
 
 def _check_unused(said: ScenePrompt) -> None:
-    if said.warnings:
-        raise ValueError(f"{said.warnings[0].removeprefix('prompt: ')}; leave it out")
+    for warning in said.warnings:
+        cure = "; leave it out" if "has no effect" in warning else ""
+        raise ValueError(f"{warning.removeprefix('prompt: ')}{cure}")
 
 
 def _distances(readings: list[ScenePrompt]) -> tuple[float, ...]:
@@ -158,8 +181,9 @@ def _speed(said: ScenePrompt) -> float:
 
 def changes_freely(source: Source) -> str:
     """Animal, thing or file of a source whose mesh no parameters rebuild; empty if there is none."""
-    if source.spec.kind == "clip" and Path(source.spec.file or "").suffix.lower() not in MOTION_SUFFIXES:
-        return Path(source.spec.file or "").name
+    path = Path(source.spec.file or "")
+    if source.spec.kind == "clip" and path.is_absolute() and path.suffix.lower() not in MOTION_SUFFIXES:
+        return path.name
     return next((kind for kind in source.things if not getattr(Actor.thing(kind).sequence, "is_rigid", True)), "")
 
 
@@ -170,11 +194,14 @@ def check_source_file(source: Source) -> None:
         ValueError, OSError: it is missing, too large, or cannot be read.
     """
     spec = source.spec
-    if spec.file is None:
+    path, options = Path(spec.file or ""), dict(spec.options)
+    if not path.is_absolute():
         return
-    path, options = Path(spec.file), dict(spec.options)
+    if spec.kind == "clip" and not path.exists():
+        raise ValueError(f"there is no file '{path}', and no shipped clip '{path.name}' (`rfgen motions`)")
     check_file(path, folders=spec.kind == "clip")
     if spec.kind == "joints":
+        options.pop("action", None)
         layout: dict[str, Any] = {"layout": None, "up": None, "scale": 1.0, "frame_rate": None} | options
         record_joints(path, **layout)
     elif spec.kind == "mesh":

@@ -60,11 +60,15 @@ class SourceTable(RecipeTable):
 
     prompt: Text | None = None
     clip: Text | None = None
-    """File or folder of a motion, as of :meth:`~rfgen_sionna.generative.actor.Actor.from_motion`."""
+    """Name of a shipped clip (`rfgen motions`); or the file or folder of a motion, as of
+    :meth:`~rfgen_sionna.generative.actor.Actor.from_motion`."""
     joints: Text | None = None
     """File of joint positions, as of :meth:`~rfgen_sionna.generative.actor.Actor.from_joints`."""
     mesh: Text | None = None
     """File of a rigid mesh."""
+    action: Text | None = None
+    """Action in the labels of a clip, joints or a mesh; left out, that of a shipped clip, or the name of a mesh's file.
+    """
     weight: Annotated[float, Field(ge=0.0, le=1e9)] = 1.0
     """Weight among the sources."""
     words: Annotated[str, Len(0, MAX_TEXT)] = ""
@@ -99,9 +103,9 @@ class SourceTable(RecipeTable):
 
 SOURCE_OPTIONS: dict[str, tuple[str, ...]] = {
     "prompt": (),
-    "clip": ("words", "up", "frame_rate"),
-    "joints": ("up", "frame_rate", "layout", "scale"),
-    "mesh": ("material", "position_m", "velocity_m_s"),
+    "clip": ("action", "words", "up", "frame_rate"),
+    "joints": ("action", "up", "frame_rate", "layout", "scale"),
+    "mesh": ("action", "material", "position_m", "velocity_m_s"),
 }
 """Kind of a source -> keys that belong to it."""
 

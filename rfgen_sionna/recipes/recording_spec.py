@@ -24,9 +24,9 @@ class SourceSpec:
     text: str = ""
     """The prompt; for a clip or joints the words about body, distance and orientation, without an action."""
     file: str | None = None
-    """Absolute path of a clip, of joint positions or of a mesh."""
+    """Name of a shipped clip; or absolute path of a clip, of joint positions or of a mesh."""
     options: Mapping[str, Any] = field(default_factory=dict)
-    """Of files: `up`, `frame_rate` [Hz], `layout`; of meshes `material`, `position_m`, `velocity_m_s`, `unit`."""
+    """Of files: `action`, `up`, `frame_rate` [Hz], `layout`; of meshes `material`, `position_m`, `velocity_m_s`."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from rfgen_sionna.recipes.outcome import BuildJob
 from rfgen_sionna.recipes.present_recordings import ExtractionJob, extract_whole, recordings_in
 from rfgen_sionna.recipes.recipe import Recipe
 from rfgen_sionna.recipes.recording_job import RecordingJob
-from rfgen_sionna.recipes.set_facts import RECIPE, SetFacts, recipe_of_set
+from rfgen_sionna.recipes.set_facts import RECIPE, SetFacts, note_processor, recipe_of_set
 
 
 def verify_dataset(folder: str | PathLike[str]) -> list[Damage]:
@@ -50,6 +50,7 @@ def repair_dataset(
     engine: EngineName = "processes",
     address: str | None = None,
     gpus_per_worker: float = 0.0,
+    time_limit: float | None = None,
     progress: bool | Callable[[int, int], None] | None = None,
 ) -> BuildReport | None:
     """Give the damaged files of a set their old bytes back; None for a whole set.
@@ -63,7 +64,7 @@ def repair_dataset(
         Folder of the set.
     recipe
         The recipe, or its file, where that of the set names files by relative paths, or cannot be found any more.
-    workers, engine, address, gpus_per_worker, progress
+    workers, engine, address, gpus_per_worker, time_limit, progress
         As of :func:`~rfgen_sionna.recipes.building.build_dataset`.
 
     Raises
@@ -101,7 +102,8 @@ def repair_dataset(
     if _lost(state, index, whole, sums):  # only then the recipe's files are needed
         chosen = chosen or recipe_of_set(path, recipe, facts.text)
         SetFacts.of(chosen, device).check_unchanged(path, facts.meta)
-    made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path)
+        note_processor(path)
+    made_by = chosen_engine(engine, workers, address, gpus_per_worker, state.path, time_limit)
     verified = {name: digest for name, digest in sums.items() if name in shards and name not in names}
     job: BuildJob = RecordingJob(chosen, state.path, device) if chosen else ExtractionJob(path, state.path, {})
     moved: dict[Path, Path] = {}

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import logging
+import platform
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -21,6 +24,9 @@ AUGMENTATION = "augmentation"
 """Table in the recipe of a set that is derived from another one by :mod:`rfgen_sionna.recipes.augmentation`."""
 ORIGIN = ".origin"
 """Name of the file with the folder of the recipe's own files on this machine."""
+PROCESSOR = ".processor"
+"""Name of the file with the kind of the processor that a build was begun on."""
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -110,6 +116,21 @@ def _versions(text: str) -> dict[str, str]:
 def note_origin(folder: Path, recipe: str | PathLike[str]) -> None:
     """Note where the recipe of a set lies on this machine, beside its files."""
     write_whole(folder / ORIGIN, str(Path(recipe).resolve().parent))
+
+
+def note_processor(folder: Path) -> None:
+    """Note the kind of this processor beside a set; a warning where the set was begun on another one."""
+    noted, here = folder / PROCESSOR, platform.processor() or platform.machine()
+    with suppress(OSError, StopIteration):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        here = next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    if not noted.is_file():
+        write_whole(noted, here)
+    elif (there := noted.read_text(encoding="utf-8", errors="replace")[:200]) != here:
+        _LOG.warning(
+            "'%s' was begun on '%s', and this is '%s': recordings have the same bits on processors of one kind", folder,
+            there, here,
+        )  # fmt: skip
 
 
 def recipe_of_set(folder: Path, recipe: Recipe | str | PathLike[str] | None = None, text: str | None = None) -> Recipe:

@@ -19,6 +19,7 @@ from rfgen_sionna.scene.scene_errors import (
     MaterialError,
     MaterialRangeWarning,
     MeshError,
+    PlacementError,
     SceneError,
 )
 
@@ -32,6 +33,7 @@ __all__ = [
     "MaterialRangeWarning",
     "MeshActor",
     "MeshError",
+    "PlacementError",
     "RadarScene",
     "RayScene",
     "RigidMesh",

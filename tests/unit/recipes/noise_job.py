@@ -1,4 +1,4 @@
-"""A job that writes runs of noise, and an engine of one process, for tests of builds."""
+"""A job that writes runs of noise, and engines of one process, for tests of builds."""
 
 from __future__ import annotations
 
@@ -65,3 +65,28 @@ class InlineEngine:
 
     def outcomes(self, job: Job, numbers: Iterable[int]) -> Generator[Outcome, None, None]:
         yield from map(job, numbers)
+
+
+NOISE_COUNT = 7
+"""Recordings of the recipe of noise."""
+
+
+class EndingEngine:
+    """Ends after a number of recordings as a killed driver does: nothing more is run."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+
+    def outcomes(self, job: Job, numbers: Iterable[int]) -> Generator[Outcome, None, None]:
+        for done, number in enumerate(numbers):
+            if done == self.count:
+                raise KeyboardInterrupt
+            yield job(number)
+
+
+class CrashingEngine:
+    """Reports one recording as one whose worker crashed."""
+
+    def outcomes(self, job: Job, numbers: Iterable[int]) -> Generator[Outcome, None, None]:
+        for number in numbers:
+            yield Outcome(number, "crashed", "signal SIGKILL") if number == 4 else job(number)

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from rfgen_sionna import cli
 from rfgen_sionna.dataset import RunFormatError, open_dataset
 from rfgen_sionna.dataset.checksums import damaged
 from rfgen_sionna.dataset.store import OutputError
 from rfgen_sionna.recipes import augmentation
-from rfgen_sionna.recipes.augmentation import Variant, augment_dataset, variants_of
+from rfgen_sionna.recipes.augmentation import Variant, augment_dataset, read_variants, variants_of
 from rfgen_sionna.recipes.building import build_dataset
 from rfgen_sionna.recipes.building_folder import BuildingFolder, BusyError
 from rfgen_sionna.recipes.repairing import repair_dataset
@@ -132,6 +134,33 @@ def test_the_same_call_gives_the_same_bytes(traced: Path, derived: Path, tmp_pat
     augment_dataset(traced, tmp_path / "new", [Variant(seed=1)], workers=2).close()
     for path in sorted(derived.glob("[!.]*")):
         assert path.read_bytes() == (tmp_path / "new" / path.name).read_bytes()
+
+
+def test_the_command_line_makes_the_same_bytes(traced: Path, derived: Path, tmp_path: Path) -> None:
+    (tmp_path / "variants.toml").write_text("[[variants]]\nseed = 1\n")
+    command = ["dataset", "augment", str(traced), str(tmp_path / "new"), "--workers", "1"]
+    for options in (["--variants", str(tmp_path / "variants.toml")], ["--resume"]):
+        done = CliRunner().invoke(cli.app, [*command, *options])
+        assert done.exit_code == 0, done.output
+        for path in sorted(derived.glob("[!.]*")):
+            assert path.read_bytes() == (tmp_path / "new" / path.name).read_bytes()
+        (tmp_path / "new" / "shard-00000.h5").unlink()
+    assert "give one of them" in str(CliRunner().invoke(cli.app, command).exception)
+
+
+def test_variants_of_a_file_are_checked_and_name_radars_beside_it(tmp_path: Path) -> None:
+    file = tmp_path / "variants.toml"
+    (tmp_path / "own.toml").touch()
+    file.write_text('[[variants]]\nradar = "own.toml"\n[[variants]]\nradar = "awr1843"\nreceiver = {adc = "none"}\n')
+    own, shipped = read_variants(file)
+    assert (own.radar, shipped) == (str(tmp_path / "own.toml"), Variant(radar="awr1843", receiver={"adc": "none"}))
+    for text, said in (
+        ("variants = []", "has no tables"),
+        ("[[variants]]\nbits = 9", "has the key 'bits'; allowed"),
+    ):
+        file.write_text(text)
+        with pytest.raises(ValueError, match=said):
+            read_variants(file)
 
 
 def test_a_variant_may_have_another_preset(traced: Path, tmp_path: Path) -> None:

@@ -15,10 +15,13 @@ from rfgen_sionna.dataset.disk_space import DiskSpaceError
 from rfgen_sionna.dataset.schema import RunFormatError
 from rfgen_sionna.dataset.store import OutputError
 from rfgen_sionna.dataset.verified_files import ChecksumError
+from rfgen_sionna.generative import MotionLibrary
 from rfgen_sionna.generative.prompts import PromptError
 from rfgen_sionna.recipes import making, recording_job
 from rfgen_sionna.recipes.making import make_recording, make_with_attempts, recording_plans
 from rfgen_sionna.recipes.recipe import Recipe
+from rfgen_sionna.recipes.recipe_sources import changes_freely, check_source_file, read_source
+from rfgen_sionna.recipes.recipe_tables import SourceTable
 from rfgen_sionna.recipes.recording_job import RecordingJob
 from rfgen_sionna.recipes.recording_spec import BodySpec, RadarSpec, RecordingSpec, SourceSpec
 from rfgen_sionna.scene.scene_errors import PlacementError
@@ -226,5 +229,30 @@ def test_clips_and_joints_are_people_too(person: RecordingSpec, tmp_path: Path) 
     (facing,) = making.actor_labels([found], recording_plans(joints)[""].simulation.radar, 0.0)["orientation"]
     assert np.degrees(facing) % 360.0 == pytest.approx(280.0, abs=15.0)
     assert np.hypot(*found.vertices(0.0)[:, :2].mean(axis=0)) == pytest.approx(2.0, abs=0.3)
+    assert found.action == "clip: push"
+    named = replace(joints.sources[0], options={"action": "push"})
+    assert only(replace(joints, sources=(named,))).action == "push"
     with pytest.raises(ValueError, match="clips and joints are alone"):
         recording_plans(replace(joints, sources=joints.sources * 2))
+
+
+def test_a_shipped_clip_is_a_source_by_its_name(person: RecordingSpec) -> None:
+    clip = next(iter(MotionLibrary().actions["kick"]))
+    source = read_source(SourceTable(clip=clip.name), Path, "auto", 1.0)
+    assert (source.spec.file, source.actions, changes_freely(source)) == (clip.name, ("kick",), "")
+    check_source_file(source)
+    found = only(replace(person, sources=(source.spec,)))
+    assert found.action == "kick"
+    assert found.motion.translation.shape[0] == clip.frames
+    with pytest.raises(ValueError, match=f"up belongs to a file, and '{clip.name}' is a shipped clip"):
+        read_source(SourceTable(clip=clip.name, up="y"), Path, "auto", 1.0)
+    with pytest.raises(ValueError, match="no shipped clip 'kik'"):
+        check_source_file(read_source(SourceTable(clip="kik"), Path("/nowhere").joinpath, "auto", 1.0))
+
+
+def test_the_action_of_a_mesh_is_its_file_or_what_its_source_names(spec: RecordingSpec, ball: Path) -> None:
+    for given, action in ((None, "ball"), ("rolls", "rolls")):
+        source = read_source(SourceTable(mesh=str(ball), material="metal", action=given), Path, "auto", 1.0)
+        assert source.actions == (action,)
+        (found,) = labels(replace(spec, sources=(source.spec,))).values()
+        assert found["action"] == [action]

@@ -52,6 +52,17 @@ def test_a_recording_that_ends_two_workers_is_a_failure_and_the_others_go_on(tmp
     assert len(list(tmp_path.glob("end-2-*"))) == 2
 
 
+def test_a_worker_beyond_its_time_is_ended_and_the_others_go_on(tmp_path: Path) -> None:
+    engine = LocalProcesses(2, time_limit=4.0)
+    made = {each.number: each for each in engine.outcomes(EchoJob(tmp_path, waits={1: 300.0}), range(5))}
+    assert sorted(made) == list(range(5))
+    assert [(number, each.reason) for number, each in made.items() if each.kind != "made"] == [
+        (1, "not made in 4 s (time_limit)")
+    ]
+    assert made[1].kind == "crashed"  # a later call tries it again
+    assert not any(map(is_alive, pids(tmp_path)))
+
+
 def test_a_worker_above_its_memory_is_replaced(tmp_path: Path) -> None:
     made = list(LocalProcesses(1, max_memory=1).outcomes(EchoJob(tmp_path), range(3)))
     assert len({each.reason for each in made}) == 3
