@@ -238,6 +238,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             unseen |= evaluate(others, others_simulated, {subject: real[subject]}, seeds, plan, step)
     report = {
         "command": " ".join(["python", "-m", "experiments.mars.pose", *(sys.argv[1:] if argv is None else argv)]),
+        "radar pose": vars(radar),
         "seeds": list(seeds),
         "steps": plan.steps,
         "unit": "cm",
