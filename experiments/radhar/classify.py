@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from experiments.radhar.clouds import Surroundings, simulated_clouds
 from experiments.radhar.features import window_features
-from experiments.radhar.network import TUNING_STEPS, NetworkVote, window_counts
+from experiments.radhar.network import NetworkVote, window_counts
 from experiments.radhar.recordings import ACTIVITIES, CloudRecording, first_recordings, read_part
 from rfgen_sionna.dataset import open_dataset
 
@@ -72,7 +72,7 @@ def trained_on(name: str, synthetic: WindowSet | None, real: WindowSet | None, s
     if name == "network":
         network = NetworkVote(ACTIVITIES, seed).train(given[0].counts, given[0].activity)
         if len(given) == 2:
-            network.train(given[1].counts, given[1].activity, TUNING_STEPS)
+            network.train(given[1].counts, given[1].activity)
         return lambda windows: network.predict(windows.counts)
     features, activity = (np.concatenate([getattr(part, key) for part in given]) for key in ("features", "activity"))
     weight = np.concatenate([np.full(len(part.features), 1.0 / len(part.features)) for part in given])

@@ -28,8 +28,8 @@ DOPPLER_EDGES = np.array([-8, -2, -1, 0, 1, 2, 3, 8]) - 0.5
 """Edges of Doppler bins; bin 0 holds no moving point."""
 CHANNELS = 2 * (len(RANGE_EDGES) + len(HEIGHT_EDGES) - 2) + len(SIDE_EDGES) + len(DOPPLER_EDGES) - 2
 """Counts of each frame."""
-STEPS, TUNING_STEPS, BATCH = 400, 150, 32
-"""Steps of training from the start, and of going on with other windows; windows of a step."""
+STEPS, BATCH = 400, 32
+"""Steps of each training, windows of a step."""
 MEMBERS = 2
 """Networks that vote, of different seeds."""
 
