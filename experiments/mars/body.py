@@ -19,8 +19,8 @@ from rfgen_sionna.radar import ElementPattern
 POSE_FILE = Path(__file__).parent / "results" / "pose.json"
 """The pose that `experiments.mars.fit` found on subject 2."""
 BREATHING = {"breathing_rate": 20.0, "belly_depth": 12e-3, "chest_depth": 8e-3, "heart_rate": 100.0}
-"""Vital signs of people who exercise, twice as deep as at rest: an assumption, not a fit. It stands for sway, too, which
-a Kinect does not see."""
+"""Vital signs of people who exercise, twice as deep as at rest: an assumption, not a fit. It stands for sway, too,
+which a Kinect does not see."""
 
 
 @dataclass(frozen=True)
