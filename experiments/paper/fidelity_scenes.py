@@ -2,8 +2,9 @@
 
 What is called "measured" is no measurement. It is a simulation of the same scene at a tenth of the tolerance (denser
 facets, rays and instants), with paths over two surfaces, a board's impairments, and other seeds of noise and of rough
-surfaces; the default one has none of that. What both share, the package's physical optics and body, this comparison
-cannot test; recordings of real people can (:func:`real_results`).
+surfaces; the default one has none of that. The quick form takes half the tolerance and paths over one surface. All that
+both share, the package's physical optics and body, this comparison cannot test; recordings of real people can
+(:func:`real_results`).
 """
 
 from __future__ import annotations
@@ -64,9 +65,10 @@ def recipe(quick: bool, seed: int) -> Recipe:
     return Recipe.parse("\n".join(lines) + "\n")
 
 
-def measured(spec: RecordingSpec) -> RecordingSpec:
+def measured(spec: RecordingSpec, quick: bool) -> RecordingSpec:
     """The recording that is called measured."""
-    return replace(spec, seed=spec.seed + 1, rtol=spec.rtol / 10, max_bounces=2, receiver=IMPAIRMENTS)
+    rtol, bounces = (spec.rtol / 2, spec.max_bounces) if quick else (spec.rtol / 10, 2)
+    return replace(spec, seed=spec.seed + 1, rtol=rtol, max_bounces=bounces, receiver=IMPAIRMENTS)
 
 
 def other_body(spec: RecordingSpec) -> RecordingSpec:
@@ -86,7 +88,7 @@ def made_scenes(quick: bool, seed: int, folder: Path) -> list[SceneFiles]:
             files = SceneFiles(name, *(folder / f"{name}-{part}.h5" for part in ("measured", "default", "other-body")))
             try:
                 for file, own in ((files.default, spec), (files.other_body, other_body(spec)),
-                                  (files.measured, measured(spec))):  # fmt: skip
+                                  (files.measured, measured(spec, quick))):  # fmt: skip
                     if not file.exists():
                         make_recording(own, file)
                         progress(f"{file.name}: {spec.prompt}, {spec.place}")
@@ -141,11 +143,12 @@ def real_results() -> dict[str, list[str]]:
 
 def settings(quick: bool, seed: int) -> dict[str, Any]:
     """What both kinds of simulation are, for the report."""
-    scenes = [asdict(spec) for spec in recipe(quick, seed)]
+    specs = list(recipe(quick, seed))
+    scenes, denser = [asdict(spec) for spec in specs], measured(specs[0], quick)
     first = scenes[0]
     return {
         "measured": {
-            "is": "a simulation, no measurement", "rtol": first["rtol"] / 10, "max_bounces": 2,
+            "is": "a simulation, no measurement", "rtol": denser.rtol, "max_bounces": denser.max_bounces,
             "receiver": dict(IMPAIRMENTS),
         },
         "default": {"rtol": first["rtol"], "max_bounces": first["max_bounces"], "receiver": first["receiver"]},
