@@ -79,10 +79,13 @@ def to_webdataset(
     representation: RepresentationChoice = "range_doppler",
     labels: Sequence[str] = ("action",),
     *,
+    split: str | None = None,
+    radar: str | None = None,
+    window_s: float | None = None,
+    stride_s: float | None = None,
     shard_bytes: float = SHARD_BYTES,
     overwrite: bool = False,
     progress: Progress | None = None,
-    **windows: Any,
 ) -> Path:
     """Write `SPLIT-000000.tar`, … for the library webdataset: `.npy` arrays, class numbers as `.cls`, the rest as JSON.
 
@@ -90,12 +93,13 @@ def to_webdataset(
         >>> set = webdataset.WebDataset("out/train-{000000..000003}.tar").decode()  # doctest: +SKIP
         >>> set.to_tuple("range_doppler.npy", "action.cls")                         # doctest: +SKIP
 
-    Same set, same bytes. Further arguments and errors are those of :func:`to_npy`; ImportError without webdataset.
+    Same set, same bytes. Arguments and errors are those of :func:`to_npy`; ImportError without webdataset.
     """
     try:
         from webdataset import TarWriter
     except ImportError as error:
         raise ImportError("to_webdataset needs the library webdataset: pip install webdataset") from error
+    windows: dict[str, Any] = {"split": split, "radar": radar, "window_s": window_s, "stride_s": stride_s}
     with _export(folder, output, representation, labels, overwrite, **windows) as (target, reader):
         writers: dict[str, tuple[int, int, Any]] = {}
         try:

@@ -136,11 +136,18 @@ class StreamingRadarDataset(IterableDataset[Item]):
         seed: int = 0,
         rank: int | None = None,
         world_size: int | None = None,
-        **options: Any,
+        radar: str | None = None,
+        window_s: float | None = None,
+        stride_s: float | None = None,
+        transform: Callable[[Any], Any] | None = None,
+        max_points: int = MAX_POINTS,
     ) -> None:
         if shuffle < 0:
             raise ValueError(f"shuffle is {shuffle}: 0 items or more are needed")
-        self._items = _Items(folder, split, representation, labels, **options)
+        self._items = _Items(
+            folder, split, representation, labels, transform, radar=radar, window_s=window_s, stride_s=stride_s,
+            max_points=max_points,
+        )  # fmt: skip
         self.rank, self.world_size = _rank(rank, world_size)
         self.shuffle, self.seed = shuffle, seed
         # Workers that persist see the number that the main process sets.
