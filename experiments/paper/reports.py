@@ -21,6 +21,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from rfgen_sionna.recipes.set_facts import processor_name
+
 ROOT = Path(__file__).resolve().parents[2]
 """Folder of the checkout."""
 PACKAGES = ("numpy", "scipy", "scikit-learn", "scikit-image", "torch", "sionna-rt", "mitsuba", "drjit", "anny")
@@ -78,12 +80,7 @@ def progress(text: str) -> None:
 def machine() -> dict[str, Any]:
     """Processor, number of usable cores, system."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    processor = platform.processor() or platform.machine()
-    information = Path("/proc/cpuinfo")
-    if information.is_file():
-        lines = information.read_text(encoding="utf-8").splitlines()
-        processor = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), processor)
-    return {"processor": processor, "cores": cores, "system": f"{platform.system()} {platform.machine()}"}
+    return {"processor": processor_name(), "cores": cores, "system": f"{platform.system()} {platform.machine()}"}
 
 
 def versions() -> dict[str, str]:

@@ -118,12 +118,17 @@ def note_origin(folder: Path, recipe: str | PathLike[str]) -> None:
     write_whole(folder / ORIGIN, str(Path(recipe).resolve().parent))
 
 
-def note_processor(folder: Path) -> None:
-    """Note the kind of this processor beside a set; a warning where the set was begun on another one."""
-    noted, here = folder / PROCESSOR, platform.processor() or platform.machine()
+def processor_name() -> str:
+    """Kind of this processor."""
     with suppress(OSError, StopIteration):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        here = next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+        return next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return platform.processor() or platform.machine()
+
+
+def note_processor(folder: Path) -> None:
+    """Note the kind of this processor beside a set; a warning where the set was begun on another one."""
+    noted, here = folder / PROCESSOR, processor_name()
     if not noted.is_file():
         write_whole(noted, here)
     elif (there := noted.read_text(encoding="utf-8", errors="replace")[:200]) != here:

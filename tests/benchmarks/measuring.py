@@ -17,6 +17,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from rfgen_sionna.recipes.set_facts import processor_name
+
 T = TypeVar("T")
 PACKAGES = ("rfgen_sionna", "numpy", "scipy", "drjit", "mitsuba", "sionna-rt", "finufft", "miepython", "torch", "anny")
 _STATUS, _REFS = Path("/proc/self/status"), Path("/proc/self/clear_refs")
@@ -91,18 +93,10 @@ def machine() -> dict[str, Any]:
     return {
         "cores": os.cpu_count(),
         "usable_cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
-        "processor": _processor(),
+        "processor": processor_name(),
         "system": f"{platform.system()} {platform.machine()}",
         "variant": ensure_backend(),
     }
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
 
 
 def versions() -> dict[str, str]:
