@@ -32,7 +32,7 @@ AWGN_DB = (0.0, 40.0)
 
 def recipes(quick: bool, seed: int) -> dict[str, Recipe]:
     """ "clean", "rooms" (with the splits "train" and "seen") and "unseen"."""
-    training, seen, unseen, length = (5, 5, 5, 0.4) if quick else (20, 10, 15, 0.8)
+    training, seen, unseen, length = (5, 5, 5, 0.4) if quick else (25, 15, 25, 0.8)
     placed: dict[str, Any] = {
         "distance_m": (1.6, 3.4), "azimuth_deg": 12.0, "orientation_deg": 30.0, "bodies": ADULTS
     }  # fmt: skip
