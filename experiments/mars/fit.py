@@ -35,7 +35,7 @@ LATERAL_M = 0.2
 """Radar to the right of the Kinect: the median of the points' x against that of the joints [m]."""
 PART_ROWS = 240
 """Rows of each movement that are simulated, from its middle."""
-EVERY = 20
+EVERY = 10
 PART_MOVEMENTS = (3, 4, 6, 8, 10)
 """Movements that are simulated: arms, lunges to the front and the side, squats, a leg and an arm."""
 
