@@ -1,9 +1,9 @@
 """Scenes of the tables of fidelity: each simulated by default, and once more in place of a measurement.
 
-What is called "measured" is no measurement. It is a simulation of the same scene at a quarter of the tolerance (half in
-the quick form: denser facets, rays and instants), with a board's impairments, and other seeds of noise and of rough
-surfaces; the default one has none of that. All that both share, the package's physical optics and body, this comparison
-cannot test; recordings of real people can (:func:`real_results`).
+What is called "measured" is no measurement. It is a simulation of the same scene at half the tolerance (denser facets,
+rays and instants), with a board's impairments, and other seeds of noise and of rough surfaces; the default one has none
+of that. All that both share, the package's physical optics and body, this comparison cannot test; recordings of real
+people can (:func:`real_results`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ IMPAIRMENTS: Mapping[str, Any] = {
     "adc": {"bits": 12, "full_scale_dbm": -26.0},
 }
 """Impairments of the receiver that is called measured."""
-ACTIONS = ("a person walks to and fro", "a person does jumping jacks", "a person waves", "a person boxes")
+ACTIONS = ("a person marches in place", "a person does jumping jacks", "a person waves", "a person boxes")
 """Prompts of the scenes, one each."""
 PLACES = ("furnished: a living room", "furnished: an office", "furnished: a lab", "furnished: a corridor")
 """Places of the scenes, one each."""
@@ -64,9 +64,9 @@ def recipe(quick: bool, seed: int) -> Recipe:
     return Recipe.parse("\n".join(lines) + "\n")
 
 
-def measured(spec: RecordingSpec, quick: bool) -> RecordingSpec:
+def measured(spec: RecordingSpec) -> RecordingSpec:
     """The recording that is called measured."""
-    return replace(spec, seed=spec.seed + 1, rtol=spec.rtol / (2 if quick else 4), receiver=IMPAIRMENTS)
+    return replace(spec, seed=spec.seed + 1, rtol=spec.rtol / 2, receiver=IMPAIRMENTS)
 
 
 def other_body(spec: RecordingSpec) -> RecordingSpec:
@@ -86,7 +86,7 @@ def made_scenes(quick: bool, seed: int, folder: Path) -> list[SceneFiles]:
             files = SceneFiles(name, *(folder / f"{name}-{part}.h5" for part in ("measured", "default", "other-body")))
             try:
                 for file, own in ((files.default, spec), (files.other_body, other_body(spec)),
-                                  (files.measured, measured(spec, quick))):  # fmt: skip
+                                  (files.measured, measured(spec))):  # fmt: skip
                     if not file.exists():
                         make_recording(own, file)
                         progress(f"{file.name}: {spec.prompt}, {spec.place}")
@@ -142,7 +142,7 @@ def real_results() -> dict[str, list[str]]:
 def settings(quick: bool, seed: int) -> dict[str, Any]:
     """What both kinds of simulation are, for the report."""
     specs = list(recipe(quick, seed))
-    scenes, denser = [asdict(spec) for spec in specs], measured(specs[0], quick)
+    scenes, denser = [asdict(spec) for spec in specs], measured(specs[0])
     first = scenes[0]
     return {
         "measured": {
