@@ -65,7 +65,7 @@ def test_a_report_is_whole_json(tmp_path: Path) -> None:
 @pytest.mark.parametrize("quick", [True, False])
 def test_a_measured_scene_has_other_noise_and_nothing_else_in_another_way(quick: bool) -> None:
     for spec in recipe(quick, 0):
-        own = measured(spec, quick)
+        own = measured(spec)
         assert own.rtol < spec.rtol
         assert set(shared([spec], [own])) == {"bodies", "places", "motions", "clips"}
         assert set(shared([spec], [other_body(spec)])) == {"places", "motions", "noise", "clips"}
