@@ -28,7 +28,7 @@ from experiments.mars.synthesis import simulate
 from rfgen_sionna.evaluation.doppler_course import correlation
 
 SUBJECT = 2
-HEIGHTS_M = (-0.2, -0.1, 0.0, 0.1)
+HEIGHTS_M = (-0.4, -0.3, -0.2, -0.1, 0.0)
 SQUINTS_DEG = (0.0, 6.0, 12.0)
 LAGS_S = (-0.1, -0.06, -0.04, -0.02, 0.0, 0.02)
 LATERAL_M = 0.2

@@ -141,7 +141,7 @@ def gestures(arguments: argparse.Namespace) -> dict[str, Any]:
     sets = {}
     for name, recipe in recipes.items():
         sets[name] = read_gestures(built_set(recipe, arguments.output / f"gestures_{name}", arguments.workers))
-    epochs, nets = (5, 1) if quick else (80, 3)
+    epochs, nets = (5, 1) if quick else (60, 3)
     six = sorted(set(sets["measured"].gestures))
     ten = six + sorted(set(sets["new_synthetic"].gestures))
     both = sets["measured"] + sets["synthetic"]
