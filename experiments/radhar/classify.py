@@ -1,6 +1,6 @@
 """Activities of RadHAR's real recordings, by classifiers trained on simulated ones.
 
-    python -m experiments.radhar.classify --data FOLDER --synthetic SET --rooms FOLDER --output classify.json
+    python -m experiments.radhar.classify --data FOLDER --synthetic SET --output classify.json
 
 Windows of 2 s; plain features without levels (`experiments.radhar.features`) for a random forest and logistic
 regression, counts (`experiments.radhar.network`) for a small network. Simulated → real is tested on the whole training
@@ -186,15 +186,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder with radhar/Train")
     parser.add_argument("--synthetic", type=Path, help="data set built from recipe.toml")
-    parser.add_argument("--rooms", type=Path, help="folder of experiments.radhar.surroundings")
+    parser.add_argument("--rooms", type=Path, help="folder of experiments.radhar.surroundings; free space by default")
     parser.add_argument("--output", type=Path, required=True, help="JSON file")
     parser.add_argument("--test-part", help="part of RadHAR to test on, a folder beside Train")
     parser.add_argument("--classifiers", nargs="*", default=list(CLASSIFIERS), choices=CLASSIFIERS)
     parser.add_argument("--ablations", nargs="*", default=[], choices=ABLATIONS, help="tested alone, without draws")
     parser.add_argument("--draws", type=int, default=10, help="draws of real recordings")
     arguments = parser.parse_args()
-    if arguments.synthetic is not None and arguments.rooms is None:
-        parser.error("--synthetic needs --rooms")
     recordings = read_part(arguments.data)
     real, test = window_set(recordings, REAL_STEP), None
     if arguments.test_part is not None:
