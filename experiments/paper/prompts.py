@@ -37,7 +37,7 @@ LEVELS = ("P1", "P2", "P3", "P4")
 
 def recipes(quick: bool, seed: int) -> dict[str, Recipe]:
     """Training sets "P1" to "P4", and "test"."""
-    training, test, length = (5, 5, 0.4) if quick else (25, 25, 0.8)
+    training, test, length = (5, 5, 0.4) if quick else (20, 20, 0.8)
     placed: dict[str, Any] = {"distance_m": (1.6, 3.4), "azimuth_deg": 12.0, "orientation_deg": 60.0}
     first = 1_000_000 + 5 * seed
     return {
