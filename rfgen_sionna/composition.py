@@ -27,6 +27,7 @@ from rfgen_sionna.scene_request import SceneRequest, spot_of
 from rfgen_sionna.signal.noise import noise_seed
 from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource, chosen_receiver
 from rfgen_sionna.simulation import Simulator
+from rfgen_sionna.tolerance import DEFAULT_RTOL
 
 _LOG = logging.getLogger(__name__)
 
@@ -38,7 +39,7 @@ Placed = Callable[[RadarScene], Sequence[MeshActor]]
 class TraceOptions:
     """Options of the simulation (:class:`~rfgen_sionna.simulation.Simulator`)."""
 
-    rtol: float = 1e-2
+    rtol: float = DEFAULT_RTOL
     max_bounces: int | None = 1
     transmission: bool = False
     outside: OutsidePolicy = "error"

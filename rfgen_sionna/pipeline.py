@@ -21,6 +21,7 @@ from rfgen_sionna.scene.mesh_actor import MeshActor
 from rfgen_sionna.scene_request import Placement, RunSeeds, check_distances, read_request
 from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource
 from rfgen_sionna.signal.synthesis import chosen_device
+from rfgen_sionna.tolerance import DEFAULT_RTOL
 
 if TYPE_CHECKING:
     from rfgen_sionna.dataset import Run
@@ -47,7 +48,7 @@ def generate(
     resume: bool = False,
     noise: bool = True,
     receiver: ReceiverSource | None = None,
-    rtol: float = 1e-2,
+    rtol: float = DEFAULT_RTOL,
     distance: float | None = None,
     radar_position: tuple[float, float, float] | None = None,
     look_at: tuple[float, float, float] | None = None,
@@ -118,8 +119,7 @@ def generate(
         Impairments of the receiver: a Receiver, a table of its parts or a TOML file with such a table
         (:func:`~rfgen_sionna.signal.read_receiver`); None is thermal noise and the radar's ADC. It is stored.
     rtol
-        Tolerated relative error of each return: 0.01 is 0.1 dB or 0.6 degrees. The error is as smooth in time as the
-        motion, so that it adds no Doppler.
+        Tolerated relative error of each return (:mod:`rfgen_sionna.tolerance`).
     distance
         Horizontal distance of the person from the radar [m], for a prompt without a distance.
     radar_position, look_at

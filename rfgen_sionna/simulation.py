@@ -51,6 +51,7 @@ from rfgen_sionna.signal import Receiver, receive
 from rfgen_sionna.signal.noise import check_whole
 from rfgen_sionna.signal.receiver.receiver_record import ReceiverSource, chosen_receiver
 from rfgen_sionna.signal.synthesis import check_time, chosen_device
+from rfgen_sionna.tolerance import SIMULATOR_RTOL, check_rtol
 from rfgen_sionna.tracing.max_bounces import check_max_bounces
 from rfgen_sionna.tracing.relative_scene import relative_objects
 from rfgen_sionna.tracing.tracer import Tracer
@@ -71,7 +72,7 @@ class Simulator(ShortRepr):
     actors
         Moving objects; names must differ.
     rtol
-        Tolerated relative error of the return of each actor and of the static scene, 1e-8 … 0.1.
+        Tolerated relative error of each return (:mod:`rfgen_sionna.tolerance`).
     collisions
         Policy for an actor more than 5 cm deep in a wall, a piece of furniture or another actor: "error" refuses the
         run, "warn" warns, "ignore" does not check.
@@ -107,7 +108,7 @@ class Simulator(ShortRepr):
         radar: Radar,
         actors: Sequence[MeshActor] = (),
         *,
-        rtol: float = 1e-3,
+        rtol: float = SIMULATOR_RTOL,
         collisions: Policy = "error",
         outside: OutsidePolicy = "error",
         seed: int = 0,
@@ -126,8 +127,7 @@ class Simulator(ShortRepr):
         for actor in actors:
             if not isinstance(actor, MeshActor):
                 raise TypeError(f"actors holds a {type(actor).__name__}: Actor.from_mesh and from_prompt make actors")
-        if not (is_number(rtol) and 1e-8 <= rtol <= 0.1):
-            raise ValueError(f"rtol is {rtol!r}: a value in 1e-8 … 0.1 is needed")
+        self.rtol = check_rtol(rtol)
         if not isinstance(collisions, str) or collisions not in POLICIES:
             raise ValueError(f"collisions is {collisions!r}: allowed are {', '.join(map(repr, POLICIES))}")
         self.max_bounces = check_max_bounces(max_bounces)
@@ -135,7 +135,6 @@ class Simulator(ShortRepr):
         self.scene = load_scene(scene)
         self.radar = tabulated(radar)
         self.actors = with_unique_names(actors)
-        self.rtol = float(rtol)
         self.collisions: Policy = collisions
         self.outside = check_outside(outside)
         self.seed = check_whole("seed", seed)

@@ -53,7 +53,7 @@ def recipe(quick: bool, seed: int) -> Recipe:
     """The scenes as the package simulates them by default."""
     count = 2 if quick else len(ACTIONS)
     lines = [
-        f"count = {count}", f"seed = {2_000_000 + seed}", "duration_s = 0.4",
+        f"count = {count}", f"seed = {2_000_000 + seed}", "duration_s = 0.4", "rtol = 0.01",
         f"prompts = {{grid = {list(ACTIONS[:count])}}}",
         "distance_m = {range = [1.8, 2.8]}", "azimuth_deg = {range = [-15.0, 15.0]}",
         "orientation_deg = {range = [-45.0, 45.0]}", f"places = {{choice = {list(PLACES[:count])}}}",

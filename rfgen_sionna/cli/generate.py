@@ -11,6 +11,7 @@ from rich.markup import escape
 
 from rfgen_sionna._deprecation import refuse_workers
 from rfgen_sionna.cli.console import check_pictures, draw, out, progress, report_written, warn
+from rfgen_sionna.tolerance import DEFAULT_RTOL, RTOL_RANGE
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene.mesh_actor import MeshActor
@@ -115,8 +116,8 @@ def generate(
         typer.Option(help="TOML file of the receiver's impairments: leakage, phase noise, ADC …", dir_okay=False),
     ] = None,
     rtol: Annotated[
-        float, typer.Option(help="Relative tolerance of the signal; 0.01 is 0.1 dB or 0.6 degrees.")
-    ] = 1e-2,
+        float, typer.Option(help=f"Relative tolerance of the signal, {RTOL_RANGE}; 0.01 is 0.1 dB or 0.6 degrees.")
+    ] = DEFAULT_RTOL,
     distance: Annotated[
         float | None, typer.Option(help="Distance from radar to person [m], if the prompt names none.")
     ] = None,

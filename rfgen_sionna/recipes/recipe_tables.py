@@ -12,6 +12,7 @@ from rfgen_sionna.dataset.set_index import NAME_FORM
 from rfgen_sionna.generative.motion.kinematic import MAX_DURATION
 from rfgen_sionna.recipes.recording_spec import DEFAULT_KEEP, FREE_SPACE
 from rfgen_sionna.recipes.value_forms import ValueForm, form_type
+from rfgen_sionna.tolerance import DEFAULT_RTOL, Rtol
 
 MAX_COUNT = 1_000_000
 """Most recordings of a set."""
@@ -202,7 +203,7 @@ class RecipeTables(RecipeTable):
     receiver: form_type(dict[str, Any] | Text) | None = None  # type: ignore[valid-type]
     """Impairments of the receiver: a table, or the path of its file."""
     noise: bool = True
-    rtol: Annotated[float, Field(gt=0.0, le=0.5)] = 1e-2
+    rtol: Rtol = DEFAULT_RTOL
     max_bounces: Annotated[int, Field(ge=1, le=3)] = 1
     transmission: bool = False
     collisions: Literal["error", "warn", "ignore"] = "error"

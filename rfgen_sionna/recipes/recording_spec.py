@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from rfgen_sionna.tolerance import DEFAULT_RTOL
+
 SourceKind = Literal["prompt", "clip", "joints", "mesh"]
 Point = tuple[float, float, float]
 
@@ -103,8 +105,8 @@ class RecordingSpec:
     """Table of the receiver's impairments; None is thermal noise and the radar's own ADC."""
     noise: bool = True
     """Whether thermal noise is added."""
-    rtol: float = 1e-2
-    """Tolerated relative error of each return."""
+    rtol: float = DEFAULT_RTOL
+    """Tolerated relative error of each return (:mod:`rfgen_sionna.tolerance`)."""
     max_bounces: int = 1
     """Largest number of surfaces on a path."""
     transmission: bool = False

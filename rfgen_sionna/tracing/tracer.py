@@ -16,6 +16,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tolerance import SIMULATOR_RTOL
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
@@ -107,7 +108,7 @@ class Tracer:
         scene: RadarScene | None,
         radar: Radar,
         actors: Sequence[MeshActor | RelativeObject],
-        rtol: float = 1e-3,
+        rtol: float = SIMULATOR_RTOL,
         seed: int = 0,
         max_bounces: int = 1,
         transmission: bool = False,

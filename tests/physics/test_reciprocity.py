@@ -26,7 +26,7 @@ def swapped(radar):
 
 def differences(scene, radar, actors, **options):
     """By actors or scene and number of bounces: relative difference of all element pairs, by the strongest one's."""
-    both = [Simulator(scene, each, actors, **options).paths(0.2) for each in (radar, swapped(radar))]
+    both = [Simulator(scene, each, actors, **{"rtol": 1e-3, **options}).paths(0.2) for each in (radar, swapped(radar))]
     names = {actor.name for actor in actors}
     found = {}
     for moving in (True, False):

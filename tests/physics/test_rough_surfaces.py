@@ -77,9 +77,11 @@ def test_patterns_are_those_of_sionna(which, theta_in, theta_out, phi):
 @pytest.mark.parametrize("s", [pytest.param(0.3, marks=pytest.mark.slow), 0.8])
 def test_coherent_part_of_a_mirror_loses_what_is_scattered(s):
     """|a|^2 of the coherent part is 1 - S^2 of the smooth plate's: the mean over many seeds leaves it."""
-    smooth = channel(Simulator(None, radar(), [plate("metal", size=0.2)]).paths())
+    smooth = channel(Simulator(None, radar(), [plate("metal", size=0.2)], rtol=1e-3).paths())
     rough = replace(MATERIALS["metal"], scattering_coefficient=s)
-    found = [channel(Simulator(None, radar(), [plate(rough, size=0.2)], seed=seed).paths()) for seed in range(40)]
+    found = [
+        channel(Simulator(None, radar(), [plate(rough, size=0.2)], rtol=1e-3, seed=seed).paths()) for seed in range(40)
+    ]
     # The diffuse part is 4 S^2 A / (pi R^2) of the mirror's power: in the mean of 40 up to 1.4 % of its field are left.
     assert abs(np.mean(found) / smooth) ** 2 == pytest.approx(1 - s**2, abs=0.036)
 
@@ -108,7 +110,7 @@ def test_diffuse_level_is_that_of_the_polarisation(polarization):
     rough = replace(MATERIALS["concrete"], scattering_coefficient=1.0)
     visible = replace(radar(), tx_polarization=polarization, rx_polarization=polarization)
     found = [
-        abs(channel(Simulator(None, visible, [plate(rough, distance, tilt, size)], seed=seed).paths())) ** 2
+        abs(channel(Simulator(None, visible, [plate(rough, distance, tilt, size)], rtol=1e-3, seed=seed).paths())) ** 2
         for seed in range(200)
     ]
     eps, cos = complex(rough.relative_permittivity(visible.center_frequency)), np.cos(tilt)
@@ -166,14 +168,14 @@ def test_speckle_goes_on_where_facets_are_chosen_anew():
 def test_phases_stay_with_the_facets():
     """Same seed, same return to the bit, another one with another seed; a plate that moves keeps its speckle."""
     rough = replace(MATERIALS["concrete"], scattering_coefficient=0.5)
-    one, same, other = (Simulator(None, radar(), [plate(rough, tilt=0.6)], seed=seed) for seed in (3, 3, 4))
+    one, same, other = (Simulator(None, radar(), [plate(rough, tilt=0.6)], rtol=1e-3, seed=seed) for seed in (3, 3, 4))
     np.testing.assert_array_equal(one.paths().a, same.paths().a)
     assert abs(channel(one.paths()) / channel(other.paths()) - 1) > 0.05
     moving = MeshActor.from_mesh(
         trimesh.creation.box((1e-3, 0.3, 0.3)), material=rough, position=(2, 0, 0), orientation=(0.6, 0, 0),
         velocity=(1.0, 0, 0), name="plate",
     )  # fmt: skip
-    simulator = Simulator(None, radar(), [moving], seed=3)
+    simulator = Simulator(None, radar(), [moving], rtol=1e-3, seed=3)
     traced = simulator.tracer.trace(0.0, 0.02).moving
     gains = traced.a[0, 0]
     # Two centimetres nearer: gains of rough facets change by the spreading, 2 %, and a little by the angle.

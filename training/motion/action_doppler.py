@@ -25,6 +25,7 @@ from rfgen_sionna.processing import micro_doppler
 from rfgen_sionna.processing.spectrogram import DopplerTime
 from rfgen_sionna.records import Motion
 from rfgen_sionna.show.stick_figures import body_joints
+from rfgen_sionna.tolerance import DEFAULT_RTOL, RTOL_RANGE
 from training.commands import plainly, progress_bar
 from training.motion.action_table import PICTURE
 
@@ -124,7 +125,7 @@ def main(
     action: Annotated[list[str] | None, typer.Option(help="Actions instead of the twenty.")] = None,
     seconds: Annotated[float, typer.Option(min=0.1, help="Of each spectrogram [s].")] = 2.0,
     seed: Annotated[int, typer.Option(min=0, help="Of the motions.")] = 0,
-    rtol: Annotated[float, typer.Option(min=1e-3, max=0.3, help="Tolerance of the radar's samples.")] = 0.1,
+    rtol: Annotated[float, typer.Option(help=f"Tolerance of the radar's samples, {RTOL_RANGE}.")] = DEFAULT_RTOL,
 ) -> None:
     """Draw the micro-Doppler of actions, made and captured."""
     radar = doppler_radar()

@@ -30,6 +30,8 @@ MEDIAN_DISTANCE = 0.9
 """Least median distance in view [m]."""
 MAX_ATTEMPTS = 80
 """Random trials of a search; bounds its time."""
+RENDER_RTOL = 1e-3
+"""Tolerance of the tracer of images."""
 FACET_WAVELENGTHS = 4.0
 """Size of the patches of coherent returns [wavelengths at 3 m]; enough for flat surfaces."""
 
@@ -93,7 +95,7 @@ class PlaceRenderer:
 
     def __init__(self, scene: FurnishedScene, radar: Radar, actors: Sequence[MeshActor] = ()) -> None:
         self.scene = scene
-        self.tracer = Tracer(scene, radar, actors)
+        self.tracer = Tracer(scene, radar, actors, RENDER_RTOL)
 
     @cached_property
     def rays(self) -> RayScene:

@@ -26,7 +26,7 @@ from rfgen_sionna.tracing.surface.surfaces import Surfaces, tolerance_groups
 
 TERMINATOR_PER_RTOL, FINE_TERMINATOR_PER_RTOL = 1.5, 0.3
 """Return of facets at the terminator, per unit of the tolerance, above which they are traced; the second below
-`LEAST_RTOL`, where facets are cut at the terminator. A person's return is about the default tolerance and costs a tenth
+`LEAST_RTOL`, where facets are cut at the terminator. A person's return is about 1e-3 and costs a tenth
 of a frame."""
 UNCUT_SHARE = 0.3
 """Share of the return at the terminator that facets err by if not cut there, as their strengths have a kink."""
