@@ -63,7 +63,11 @@ class Motion(ShortRepr):
 
 @runtime_checkable
 class MeshSequence(Protocol):
-    """A mesh of fixed connectivity whose vertices are smooth (C²) functions of time."""
+    """A mesh of fixed connectivity whose vertices are smooth (C²) functions of time.
+
+    A sequence may have `rest_vertices`, (vertex, 3) positions of the mesh at rest in metres: they tell where the
+    surface is smooth. Without them the pose at t = 0 does.
+    """
 
     @property
     def faces(self) -> IntArray:

@@ -60,7 +60,7 @@ class ActorBody:
         elif isinstance(sequence, RigidMesh):
             self._rest, self._part = sequence.points, np.zeros(len(sequence.points), np.int32)
         elif isinstance(sequence, ArticulatedSequence) and sequence.is_rigid:
-            self._rest, self._part = sequence.rest, sequence.owners
+            self._rest, self._part = sequence.rest_vertices, sequence.owners
         else:
             raise _not_rebuilt(actor, f"a {type(sequence).__name__} changes its shape freely")
 

@@ -198,6 +198,13 @@ class MeshActor(ShortRepr):
         length = duration if math.isfinite(duration) else 1.0
         return weld_vertices(faces, (self.sequence.vertices(share * length) for share in _PROBE_TIMES))
 
+    @cached_property
+    def rest_vertices(self) -> FloatArray:
+        """(vertex, 3) positions of the mesh at rest in the actor's own frame [m]: those of a body model, else the pose
+        at t = 0."""
+        rest: FloatArray | None = getattr(self.sequence, "rest_vertices", None)
+        return np.asarray(self.sequence.vertices(0.0) if rest is None else rest, np.float64)
+
     @property
     def part_names(self) -> tuple[str, ...]:
         return self.sequence.part_names

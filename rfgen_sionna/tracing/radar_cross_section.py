@@ -192,7 +192,8 @@ def _parts(mesh: Any, material: str | Material | None) -> tuple[list[RelativeObj
     found = []
     for own in by_material([shape]):
         known = own.name, own.properties, own.faces, own.part_names, own.face_parts, False
-        found.append(RelativeObject(*known, _still(np.asarray(own.vertices(0.0), np.float64) - middle)))
+        points = np.asarray(own.vertices(0.0), np.float64) - middle
+        found.append(RelativeObject(*known, _still(points), own.rest_vertices))
     return found, middle, size
 
 
@@ -308,7 +309,7 @@ def _bistatic(
     fine, coarse = (scattering_amplitudes(parts, size, start, towards, frequency, polarization, n) for n in (48, 24))
     missed = np.abs(fine - coarse) / np.maximum(np.abs(fine), 1e-300)
     wavenumber = 2 * np.pi * frequency / SPEED_OF_LIGHT
-    if any(find_smoothing(part.vertices(0.0), part.faces) is not None for part in parts):
+    if any(find_smoothing(part.rest_vertices, part.faces) is not None for part in parts):
         curved = CURVED_BISTATIC_ERROR * np.sin(np.radians(0.5 * angle)) / np.sqrt(0.5 * wavenumber * size)
         missed = np.hypot(missed, 0.5 * curved)
     return fine * np.exp(1j * wavenumber * ((towards[:, 0] + start[:, 0]) @ middle)), 2.0 * missed

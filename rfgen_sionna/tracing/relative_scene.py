@@ -38,6 +38,8 @@ class RelativeObject:
     """Whether it belongs to the static scene."""
     vertices: Callable[[float], FloatArray]
     """Time [s] to (vertex, 3) positions [m]."""
+    rest_vertices: FloatArray
+    """(vertex, 3) positions of the mesh at rest in its own frame [m]."""
 
 
 def by_material(actors: Iterable[MeshActor | RelativeObject]) -> tuple[MeshActor | RelativeObject, ...]:
@@ -58,7 +60,7 @@ def by_material(actors: Iterable[MeshActor | RelativeObject]) -> tuple[MeshActor
             same = sum(each.name == group.name for each in groups[:k])
             name = f"{actor.name}, {group.name}" + (f" {same + 1}" if same else "")
             own = actor.part_names, actor.face_parts[owners == k], False, _of_vertices(actor.vertices, used)
-            found.append(RelativeObject(name, group, faces, *own))
+            found.append(RelativeObject(name, group, faces, *own, np.ascontiguousarray(actor.rest_vertices[used])))
     return tuple(found)
 
 
@@ -83,10 +85,10 @@ def relative_objects(
     for thing in scene.objects if scene is not None else ():
         parts, points = np.zeros(len(thing.faces), dtype=np.int32), np.asarray(thing.vertices, dtype=np.float64)
         given = thing.name, thing.properties, thing.faces, (thing.name,), parts, True, carried(still(points))
-        found.append(RelativeObject(*given))
+        found.append(RelativeObject(*given, points))
     for actor in by_material(actors):
         known = actor.name, actor.properties, actor.faces, actor.part_names, actor.face_parts, False
-        found.append(RelativeObject(*known, carried(actor.vertices)))
+        found.append(RelativeObject(*known, carried(actor.vertices), actor.rest_vertices))
     return tuple(found)
 
 

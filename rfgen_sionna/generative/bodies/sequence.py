@@ -43,6 +43,11 @@ class BodySequence(ShortRepr):
         return self.rig.faces
 
     @property
+    def rest_vertices(self) -> FloatArray:
+        """(vertex, 3) positions of the body model's rest pose [m]."""
+        return self.rig.vertices
+
+    @property
     def part_names(self) -> tuple[str, ...]:
         """head, torso, left_upper_arm, ..."""
         return self.rig.part_names

@@ -100,7 +100,7 @@ class ArticulatedSequence(ShortRepr):
         return not any(callable(part.points) for part in self.parts)
 
     @property
-    def rest(self) -> FloatArray:
+    def rest_vertices(self) -> FloatArray:
         """(vertex, 3) positions at t = 0 before the motions of :meth:`motions` [m]."""
         return self._rest
 

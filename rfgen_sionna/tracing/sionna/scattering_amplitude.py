@@ -44,7 +44,7 @@ def scattering_amplitudes(
     total: ComplexArray = np.zeros(len(towards), np.complex128)
     sent, received = start[0, _FIELDS[polarization[0]]], towards[:, _FIELDS[polarization[1]]]
     for part in parts:
-        corners, faces = subdivide(part.vertices(0.0), part.faces, size / steps, frequency)
+        corners, faces = subdivide(part.vertices(0.0), part.rest_vertices, part.faces, size / steps, frequency)
         one = np.zeros(len(faces), np.int32)
         body = ScatteringMesh(corners, faces, one, part.properties, lambda: frequency)
         body.layer = whole

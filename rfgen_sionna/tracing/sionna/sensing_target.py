@@ -91,11 +91,11 @@ def add_actor(
     mesh = MeshLayer([(vertices, faces)], np.zeros(3), moving=False).scene.shapes()[0]
     finest = float(np.ptp(vertices, axis=0).max()) / SHADOW_STEPS
     if distance is None:
-        local, faces = subdivide(vertices - centre, faces, finest, frequency())
+        local, faces = subdivide(vertices - centre, actor.rest_vertices, faces, finest, frequency())
         pieces = np.zeros(len(faces), dtype=np.int32)
     else:
         edge = float(np.sqrt(2 * MAX_PHASE_ERROR * distance * SPEED_OF_LIGHT / (2 * np.pi * frequency())))
-        local, faces = subdivide(vertices - centre, faces, min(finest, edge), frequency())
+        local, faces = subdivide(vertices - centre, actor.rest_vertices, faces, min(finest, edge), frequency())
         cells = np.floor(local[faces].mean(axis=1) / edge).astype(np.int64)
         cell = np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1)
         order = np.argsort(cell, kind="stable")
@@ -134,9 +134,12 @@ def _centroids(vertices: FloatArray, faces: IntArray, pieces: IntArray | None = 
     return np.asarray(sums / np.bincount(pieces, weights=weight)[:, None])
 
 
-def subdivide(vertices: FloatArray, faces: IntArray, edge: float, frequency: float) -> tuple[FloatArray, IntArray]:
-    """Subdivide the mesh, on its smooth surface if it has one, to edges no longer than `edge` [m]."""
-    smooth = find_smoothing(vertices, faces)
+def subdivide(
+    vertices: FloatArray, rest: FloatArray, faces: IntArray, edge: float, frequency: float
+) -> tuple[FloatArray, IntArray]:
+    """Subdivide the mesh, on its smooth surface if it has one, to edges no longer than `edge` [m]; its positions at
+    `rest` (vertex, 3) [m] tell where it is smooth."""
+    smooth = find_smoothing(rest, faces)
     if smooth is None:
         import trimesh
 

@@ -83,7 +83,8 @@ def outward_faces(vertices: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
 
 
 def collect_surfaces(scene: RadarScene | None, actors: Sequence[MeshActor | RelativeObject]) -> Surfaces:
-    """Number the objects and parts of a scene and its actors."""
+    """Number the objects and parts of a scene and its actors. Which faces are smooth, and which way they look, is that
+    of the mesh at rest, whatever its pose."""
     part_names: dict[str, int] = {}
 
     every: list[Surface] = []
@@ -118,6 +119,6 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[MeshActor | Rela
         still = getattr(actor, "static", False)
         labels = np.array([part(name) for name in actor.part_names], dtype=np.int32)
         closed = not still and is_closed(actor.faces)
-        add(actor, labels[actor.face_parts], actor.vertices(0.0), still, closed)
+        add(actor, labels[actor.face_parts], actor.rest_vertices, still, closed)
     count, names = len(vertices), tuple(each.name for each in every)
     return Surfaces(tuple(every[:count]), vertices, tuple(every[count:]), names, tuple(part_names))
