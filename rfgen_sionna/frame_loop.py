@@ -73,7 +73,8 @@ def frame_tracer(
 ) -> Callable[[float], TracedFrame]:
     """Function that traces the frame that begins at one of the `times` [s], in turn: each frame starts from the facets
     of the one before."""
-    moving, length = tracer.follow(), tracer.radar.waveform.frame_length
+    length = tracer.radar.waveform.frame_length
+    moving = tracer.follow(span=(float(times[0]), float(times[-1]) + length))
     num_static = sum(each.still for each in (*tracer.surfaces.static, *tracer.surfaces.moving))
     if fusion is None:
 

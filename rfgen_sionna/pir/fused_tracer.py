@@ -17,7 +17,7 @@ from rfgen_sionna.tracing.report import Traced, TraceReport
 from rfgen_sionna.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
-    from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
+    from rfgen_sionna.tracing.tracer import TraceRun
 
 KEY_SPACING = 0.5
 """Time between refined images [s]; gains are blended in between."""
@@ -70,7 +70,7 @@ class FusedTracer:
 
     def images(self, times: Sequence[float]) -> list[Pir]:
         """PIRs of actors and surroundings at times [s], before refinement."""
-        run = self._tracer.follow(cull=False)
+        run = self._tracer.follow(cull=False, span=(float(min(times)), float(max(times))))
         return [image(self._mixed(float(t), run), self.surroundings.view, float(t)) for t in times]
 
     def refinement(self, start: float, stop: float) -> Refinement | None:
@@ -90,7 +90,7 @@ class FusedTracer:
         changed = [refinement(part, self._positions_of(part)) for part in parts]
         return [*changed, *refinement.added(np.array([t]))]
 
-    def trace(self, start: float, stop: float, moving: MovingTracer, refinement: Refinement | None) -> FusedFrame:
+    def trace(self, start: float, stop: float, moving: TraceRun, refinement: Refinement | None) -> FusedFrame:
         """Paths from `start` to `stop` [s].
 
         Parameters
@@ -128,7 +128,7 @@ class FusedTracer:
     def _unoccluded_share(self) -> FloatArray:
         return np.ones(len(self.surroundings.pixel))
 
-    def _mixed(self, t: float, run: MovingTracer | None = None) -> list[RadarPaths]:
+    def _mixed(self, t: float, run: TraceRun | None = None) -> list[RadarPaths]:
         """Paths of actors and surroundings at `t` [s]; a `run` keeps its state from time to time."""
         paths = self._tracer.instant(t) if run is None else self._tracer.trace(t, t, run).moving
         visible_share = (

@@ -18,6 +18,8 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tolerance import SIMULATOR_RTOL
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
+from rfgen_sionna.tracing.direct.direct_trace import trace_direct
+from rfgen_sionna.tracing.direct.run_plan import RunPlan, RunScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
 from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
@@ -30,7 +32,7 @@ from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
 from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
-from rfgen_sionna.tracing.static.actor_shadows import Shadow
+from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadows
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
 from rfgen_sionna.tracing.static.static_refinement import interpolation_error, refine_occlusion
 from rfgen_sionna.tracing.static.static_reflections import StaticReflections, trace_static_reflections
@@ -62,6 +64,25 @@ VISIBILITY_SPACING = 10e-3
 _MORE, _AGAIN = 1.1, 3
 """Growth of the cancellation above which an interval is traced anew with more sample times, and the largest number of
 traces."""
+
+
+class TraceRun:
+    """A run of :meth:`Tracer.follow`."""
+
+    def __init__(self, indirect: MovingTracer | None, cull: bool, span: tuple[float, float] | None) -> None:
+        self.indirect = indirect
+        """Tracer of indirect paths, with direct ones; None traces direct ones alone."""
+        self._cull, self._span = cull, span
+        self._plans: dict[float, RunPlan] = {}
+
+    def plan(self, scene: RunScene, start: float, stop: float) -> RunPlan:
+        """Plan for an interval from `start` to `stop` [s]."""
+        if self._span is None or start < self._span[0] - 1e-9 or stop > self._span[1] + 1e-9:
+            return RunPlan.of(scene, start, stop, stop - start, self._cull)
+        length = round(stop - start, 9)
+        if length not in self._plans:
+            self._plans[length] = RunPlan.of(scene, *self._span, length, self._cull)
+        return self._plans[length]
 
 
 class Tracer:
@@ -199,15 +220,21 @@ class Tracer:
             self._positions[t] = [actor.vertices(t) for actor in self.actors]
         return self._positions[t]
 
-    def follow(self, cull: bool = True) -> MovingTracer:
-        """A tracer of the actors, with the state of one run: facets persist from one :meth:`trace` to the next. Results
-        depend on earlier calls, so each run starts with a new one.
+    def follow(self, cull: bool = True, span: tuple[float, float] | None = None) -> TraceRun:
+        """A run, whose facets and settings persist from one :meth:`trace` to the next.
 
         Parameters
         ----------
         cull
             Whether facets that are negligible for the antennas are omitted; False traces all, for images.
+        span
+            First and last time [s] of the run, which is planned for these; None plans each interval by itself.
         """
+        indirect = self.max_bounces > 1 or self.transmission
+        return TraceRun(self._follow(cull) if indirect else None, cull, span)
+
+    def _follow(self, cull: bool) -> MovingTracer:
+        """Tracer of the actors with indirect paths."""
         ghosts, reflections, curved = None, list[PlanarReflections](), None
         if self.max_bounces > 1 and self.surfaces.moving:
             if self.surfaces.static:
@@ -242,7 +269,7 @@ class Tracer:
         self,
         start: float,
         stop: float,
-        moving: MovingTracer | None = None,
+        moving: TraceRun | None = None,
         watch: Callable[[float, RayScene], None] | None = None,
     ) -> Traced:
         """Paths from `start` to `stop` [s], with as many knots as the motion demands.
@@ -257,7 +284,10 @@ class Tracer:
             Called with each sample time [s] and the ray scene of that time.
         """
         self._positions.clear()
-        moving = moving or self.follow()
+        run = moving or self.follow()
+        if run.indirect is None:
+            return self._trace_direct(start, stop, run, watch)
+        moving = run.indirect
         if not self.actors:
             return self._traced(np.array([start]), np.array([start]), moving, 0.0, watch)
         highest, faces = self._band.highest, [actor.faces for actor in self.actors]
@@ -288,10 +318,13 @@ class Tracer:
         """All paths at `t` [s] with their rates, static ones first, then the actors'; one knot. `indirect` returns
         those by several surfaces or through slabs only."""
         self._positions.clear()
-        moving = self.follow()
-        if self.actors:
-            moving.prepare(self._vertices, (t,))
-        traced = self._traced(np.array([t]), np.array([t]), moving)
+        moving = self.follow().indirect
+        if moving is None:
+            traced = self._trace_direct(t, t, TraceRun(None, True, None), None)
+        else:
+            if self.actors:
+                moving.prepare(self._vertices, (t,))
+            traced = self._traced(np.array([t]), np.array([t]), moving)
         (static, visible), actors = traced.shadowed_static(), traced.moving
         if indirect:
             visible[: self.static.paths.num_paths] = False
@@ -302,6 +335,38 @@ class Tracer:
             return paths
         direction, arrival = (to_world(each, self.radar, t) for each in (paths.direction, paths.arrival))
         return replace(paths, direction=direction, arrival=arrival)
+
+    def _trace_direct(
+        self, start: float, stop: float, run: TraceRun, watch: Callable[[float, RayScene], None] | None
+    ) -> Traced:
+        """Trace of direct paths alone."""
+        static, names = self.static, (self.surfaces.object_names, self.surfaces.part_names)
+        plan = run.plan(self._run_scene, start, stop)
+        traced = trace_direct(plan, start, stop, names)
+        times = traced.paths.times
+        if watch is not None and self.actors:
+            for t in times.tolist():
+                watch(t, self.rays_at(t))
+        shadows, missed = cast_shadows(static, times, traced.shadows)
+        report = TraceReport(
+            facets=len(static.facets) + traced.facets,
+            rays=static.rays,
+            sample_times=len(times),
+            knots=len(times),
+            error=max(static.error, traced.error),
+            time_error=max(traced.time_error, missed),
+        )
+
+        def none(_: float) -> FloatArray:
+            return np.zeros((0, 3))
+
+        return Traced(self._static_paths, lambda: shadows, traced.paths, None, report, traced.centroids, none)
+
+    @cached_property
+    def _run_scene(self) -> RunScene:
+        """Actors, and the facets at rest that occlude them."""
+        static = self.static.facets.corners - self._viewpoint
+        return RunScene(self.surfaces.moving, self._band, self.radar.max_range, self.rtol, self._vertices, static)
 
     def geometry(self, t: float) -> tuple[RayScene, list[FloatArray], list[FloatArray | None]]:
         """Ray scene at `t` [s], each object's vertices (vertex, 3) [m] and their velocities [m/s]; None for static

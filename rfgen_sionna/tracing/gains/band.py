@@ -63,13 +63,13 @@ class BandTracer:
         self._rx = radar.rx_world - self._origin
         self.fields = radar.tx_field, radar.rx_field
         # Monostatic obliquity needs equal polarisations.
-        self._alike = bool(np.allclose(*self.fields))
+        self.alike = bool(np.allclose(*self.fields))
         self._rtol, self._seed = rtol, seed
         self._pattern = PatternGain(radar.pattern, radar.rotation)
-        self.expansions = ArrayExpansions(radar, 2 if self._alike else 1)
+        self.expansions = ArrayExpansions(radar, 2 if self.alike else 1)
         self.aperture = self.expansions.aperture
         self.reach = float(lengths(np.concatenate([self._tx, self._rx])).max())  # from the phase centre [m]
-        self._baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
+        self.baseline = float(np.linalg.norm(self._tx[:, None] - self._rx, axis=2).max())
         self._steady = 3.0 * self.half_band**2 < STEADY_FACTOR * rtol * self.centre**2
 
     @property
@@ -95,6 +95,11 @@ class BandTracer:
         pattern_gradient = np.zeros((len(facets), 3))
         pattern_gradient[chosen] = found
         return pattern_gradient
+
+    def pattern_gradients(self, places: FloatArray) -> FloatArray | None:
+        """(point, 3) gradient of the logarithm of the pattern gain [1/m] at `places` (point, 3) [m] relative to the
+        viewpoint; None if it is zero everywhere."""
+        return self._pattern.gradients(places)
 
     def frequency(self, u: FloatArray) -> FloatArray:
         """Frequencies [Hz] at positions `u`, -1 … 1, of the band."""
@@ -352,7 +357,7 @@ class BandTracer:
     ) -> FacetGains:
         media = Media.at(materials, nodes.frequency, self.half_band)
         nearest = float(lengths(facets.centroids - self._origin).min(initial=np.inf))
-        monostatic = self._alike and bool(self._baseline**2 < MONOSTATIC * self._rtol * nearest**2)
+        monostatic = self.alike and bool(self.baseline**2 < MONOSTATIC * self._rtol * nearest**2)
 
         def of(index: NDArray[np.intp] | slice, curved: bool, buffer: GainBuffer | None) -> FacetGains:
             return facet_gains(

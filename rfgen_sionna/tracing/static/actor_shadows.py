@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.records import RadarPaths
+from rfgen_sionna.tracing.direct.samples import Shadows
+from rfgen_sionna.tracing.direct.time_error import leave_one_out
+
+LEAVE_ONE_OUT_SCALE = 0.35
+"""Typical error of a spline through all knots over that of predictions of single knots."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +60,26 @@ def cast_shadow(
         direction=over_time(chosen.direction, 1), arrival=over_time(chosen.arrival, 1),
     )  # fmt: skip
     return Shadow(changing, index), Shadow(_weighted(paths.select(steady), left[steady, :1] - 1.0), steady)
+
+
+def cast_shadows(static: Any, times: FloatArray, shadows: Sequence[Shadows]) -> tuple[tuple[Shadow, ...], float]:
+    """Shadows on the direct paths of a `static` trace at each of the `times` [s], and their error between these, relative
+    to the static reference level."""
+    every = np.unique(np.concatenate([np.zeros(0, np.intp), *(index for index, _ in shadows)]))
+    if not len(every):
+        return (), 0.0
+    left = np.ones((len(every), len(times)))
+    for k, (index, share) in enumerate(shadows):
+        left[np.searchsorted(every, index), k] = share
+    paths = static.paths.select(every)
+    changing, steady = (shadow.at(every) for shadow in cast_shadow(paths, left, times))
+    missed = 0.0
+    if len(times) > 2 and static.level > 0:
+        frequency = np.float64(paths.frequency)
+        waves = paths.a[0, 0, :, 0] * np.exp(-2j * np.pi * np.mod(frequency * paths.tau[0, 0, :, 0], 1.0))
+        off = (waves * static.weight[every]) @ (left @ leave_one_out(len(times)).T)
+        missed = LEAVE_ONE_OUT_SCALE * float(np.sqrt(np.mean(np.abs(off) ** 2))) / static.level
+    return tuple(each for each in (changing, steady) if each.paths.num_paths), missed
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.faceting import FLATNESS_ANGLE, SMOOTH, PlaneParts, find_plane_parts
 from rfgen_sionna.scene.kernels import FrozenKernel, concatenate_aligned, drjit_types, upload
 from rfgen_sionna.scene.mesh import corner_columns, face_normals, lengths, max_component
-from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
+from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch, edge_sagittas
 
 _MIN_TIP_SLOPE, _MIN_TIP_RATIO = 0.02, 10.0
 """Mean slope of the edges against the normal at the tip of a cone, and its ratio to that at their other ends."""
@@ -59,7 +59,7 @@ class Smoothing:
 
     def patch(self, vertices: FloatArray, faces: IntArray) -> QuadraticPatch:
         """Patches of the faces, for vertices (vertex, 3) [m]."""
-        return self.patches([vertices], faces)[0]
+        return QuadraticPatch(edge_sagittas(vertices[faces], self.normals(vertices, faces)))
 
     def patches(
         self, vertices: Sequence[FloatArray], faces: IntArray, chosen: NDArray[np.intp] | None = None

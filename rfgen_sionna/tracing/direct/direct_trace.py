@@ -1,0 +1,153 @@
+"""Direct paths of moving surfaces over one interval of time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rfgen_sionna._types import ComplexArray, FloatArray
+from rfgen_sionna.records import PathKind, RadarPaths, knot_weights
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.direct.run_plan import TIME_PER_RTOL, RunPlan, first_delays
+from rfgen_sionna.tracing.direct.samples import Sample, Shadows, pair_delays
+from rfgen_sionna.tracing.direct.settings import MAX_KNOTS
+from rfgen_sionna.tracing.direct.time_error import prediction_error
+from rfgen_sionna.tracing.surface.facets import RATE_STEP, Facets
+
+LEEWAY = 1.5
+"""Growth of the time error over the allowed one above which an interval gets more knots."""
+
+
+@dataclass(frozen=True)
+class DirectTrace:
+    """Direct paths of moving surfaces over an interval."""
+
+    paths: RadarPaths
+    error: float
+    """Measured relative error of the worst actor's return at the knots, of the run."""
+    time_error: float
+    """Estimated relative error of the worst actor's return between the knots."""
+    facets: int
+    """Facets that were integrated, over all knots."""
+    shadows: tuple[Shadows, ...]
+    """Shadows on facets at rest at each knot of the paths."""
+    centroids: Callable[[float], FloatArray]
+    """Time [s] to the (path, 3) facet centres [m]."""
+
+
+def trace_direct(plan: RunPlan, start: float, stop: float, names: tuple[tuple[str, ...], tuple[str, ...]]) -> DirectTrace:
+    """Paths from `start` to `stop` [s], with as many knots as the motion demands; `names` are those of objects and
+    parts."""
+    scene = plan.scene
+    count = plan.knots if stop > start else 1
+    known: dict[float, Sample] = {}
+    allowed, error, before = TIME_PER_RTOL * scene.rtol, 0.0, np.inf
+    while True:
+        times = np.linspace(start, stop, count)
+        fresh = [t for t in times.tolist() if t not in known]
+        known |= dict(zip(fresh, plan.sample(fresh), strict=True))
+        samples = [known[t] for t in times.tolist()]
+        if _rests(samples):
+            times, samples = times[:1], samples[:1]
+        chosen = plan.choose(samples)
+        found = [plan.values(each, chosen) for each in samples]
+        values = np.stack([own for own, _ in found], axis=-1)  # (node, facet, knot)
+        centroids = np.stack([each for _, each in found])
+        if len(times) < 3 or not len(chosen):
+            break
+        group = scene.group[plan.mesh.facet_surface[chosen]]
+        gains = plan.first_pair(values) * scene.pattern(centroids[len(times) // 2])[:, None]
+        missed, level = prediction_error(
+            gains, first_delays(scene.band, centroids), scene.band.centre, group, len(scene.group)
+        )
+        predicted = float((missed / np.where(level > 0, level, np.inf)).max(initial=0.0))
+        error = plan.time_scale * predicted
+        if error <= LEEWAY * allowed or error > 0.7 * before or 2 * count - 1 > MAX_KNOTS:
+            break
+        count, before = 2 * count - 1, error
+    paths = _paths(plan, times, samples, chosen, values, centroids, names)
+
+    def centres(t: float) -> FloatArray:
+        points = plan.mesh.points(scene.positions(t), np.zeros(3))
+        return np.asarray(points[plan.mesh.meshes.corners[chosen]].mean(axis=1))
+
+    time_error = max(error, plan.time_error) if len(times) > 1 else 0.0
+    return DirectTrace(paths, plan.error, time_error, len(chosen) * len(times), tuple(each.shadows for each in samples), centres)
+
+
+def _rests(samples: list[Sample]) -> bool:
+    """Whether nothing moves."""
+    return len(samples) > 1 and all(np.array_equal(each.points, samples[0].points) for each in samples[1:])
+
+
+def _paths(
+    plan: RunPlan,
+    times: FloatArray,
+    samples: list[Sample],
+    chosen: NDArray[np.intp],
+    values: ComplexArray,
+    centroids: FloatArray,
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+) -> RadarPaths:
+    """One path per facet, from values (node, facet, knot) and `centroids` (knot, facet, 3) [m] relative to the
+    viewpoint."""
+    scene, mesh, expansion = plan.scene, plan.mesh, plan.expansion
+    band = scene.band
+    tx, rx = (np.ascontiguousarray(each - band.viewpoint) for each in band.elements)
+    gains = band.combined(expansion, values)
+    rough = [_diffuse(plan, sample, chosen) for sample in samples]
+    if rough[0] is not None:
+        gains[0] += np.stack([each for each in rough if each is not None], axis=-1)
+    tau = np.empty((len(tx), len(rx), len(chosen), len(times)))
+    pair_delays(centroids, tx, rx, tau)
+    if len(times) > 1:
+        rate = tau @ knot_weights(times, times, 1).T
+    else:
+        t = float(times[0])
+        after, ahead = (np.empty_like(tau) for _ in range(2))
+        for step, into in ((-RATE_STEP, after), (RATE_STEP, ahead)):
+            points = mesh.points(scene.positions(t + step), band.viewpoint)
+            pair_delays(points[mesh.meshes.corners[chosen]].mean(axis=1)[None], tx, rx, into)
+        rate = (ahead - after) / (2 * RATE_STEP)
+    away = np.maximum(lengths(centroids), 1e-12)
+    direction = np.ascontiguousarray((centroids / away[..., None]).transpose(1, 0, 2))
+    surface = mesh.facet_surface[chosen]
+    objects = np.array([each.object_id for each in scene.surfaces], np.int32)
+    several = len(gains) > 1
+    return RadarPaths(
+        a=gains[0],
+        tau=tau,
+        tau_rate=rate,
+        times=times,
+        frequency=band.centre,
+        direction=direction,
+        arrival=direction,
+        object_id=objects[surface] if len(chosen) else np.zeros(0, np.int32),
+        part_id=mesh.part[chosen],
+        kind=np.full(len(chosen), PathKind.FACET, np.uint8),
+        bounces=np.ones(len(chosen), np.uint8),
+        object_names=names[0],
+        part_names=names[1],
+        facet=mesh.face_in_surface[chosen],
+        dispersion=gains[1:] if several else None,
+        half_band=band.half_band if several else 0.0,
+    )
+
+
+def _diffuse(plan: RunPlan, sample: Sample, chosen: NDArray[np.intp]) -> ComplexArray | None:
+    """(tx, rx, facet) diffuse gains with the shadow weight; None without rough surfaces."""
+    scene, mesh = plan.scene, plan.mesh
+    materials = tuple(each.material for each in scene.surfaces)
+    if not any(each.scattering_coefficient for each in materials):
+        return None
+    corners = sample.points[mesh.meshes.corners[chosen]] + scene.band.viewpoint
+    number = mesh.face_in_surface[chosen]
+    facets = Facets(
+        corners, number, number, mesh.facet_surface[chosen], np.ones(len(chosen), np.bool_),
+        np.ones(len(chosen), np.int32), mesh.place[chosen], grain=None if mesh.grain is None else mesh.grain[chosen],
+    )  # fmt: skip
+    found = scene.band.diffuse(facets, materials)
+    return None if found is None else np.asarray(np.sqrt(sample.visible[chosen]) * found)

@@ -1,0 +1,49 @@
+"""Settings of the direct trace for a tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+MAX_RESOLUTION = 3072
+"""Largest number of pixels along a surface, for memory."""
+MAX_KNOTS = 513
+"""Largest number of knots of an interval."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Accuracy of each stage."""
+
+    facet_rtol: float
+    """Tolerance of the tessellation."""
+    resolution: int
+    """Pixels along the longer side of a surface in its view."""
+    sagitta: float
+    """Largest quadratic phase [rad] in the middle of an edge of a piece."""
+    omitted: float
+    """Share of the energy of the bounds of facets that are left out."""
+    spacing: float
+    """Largest gap between knots [s]."""
+
+    @staticmethod
+    def of(rtol: float) -> Settings:
+        """For a relative error `rtol` of each actor's return."""
+        return Settings(
+            facet_rtol=rtol,
+            resolution=int(np.clip(384 * np.sqrt(0.1 / rtol), 256, MAX_RESOLUTION)),
+            sagitta=float(np.clip(0.75 * np.sqrt(10.0 * rtol), 0.02, 0.75)),
+            omitted=float(min((0.3 * rtol) ** 2, 1e-3)),
+            spacing=float(np.clip(10e-3 * (rtol / 0.1) ** 0.25, 2.5e-3, 12e-3)),
+        )
+
+    def finer(self) -> Settings:
+        """The same with a quarter of the error of each stage, about."""
+        return replace(
+            self,
+            facet_rtol=0.25 * self.facet_rtol,
+            resolution=min(2 * self.resolution, MAX_RESOLUTION),
+            sagitta=0.5 * self.sagitta,
+            omitted=0.05 * self.omitted,
+        )

@@ -1,0 +1,177 @@
+"""Kernels of item buffers: the nearest facet of each pixel, by inverse depth.
+
+A pixel's inverse depth is linear over a flat facet. Points are relative to the viewpoint; a view has rows of unit vectors
+(forward, left, up) and a pixel is at (left / forward, up / forward).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+NEAR = 1e-3
+"""Distance [m] of the plane at which facets are clipped."""
+SURFACE_MARGIN = 2e-3
+"""Relative difference of inverse depths below which two points count as one surface."""
+
+
+@njit(cache=True, nogil=True)
+def project(points: Any, view: Any, left: Any, up: Any, inverse: Any) -> None:
+    """Tangents `left`, `up` and `inverse` depth (point,) of `points` (point, 3) in a `view` (3, 3); inverse depth is 0
+    for points behind the near plane."""
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        depth = view[0, 0] * x + view[0, 1] * y + view[0, 2] * z
+        if depth > NEAR:
+            inverse[i] = 1.0 / depth
+            left[i] = (view[1, 0] * x + view[1, 1] * y + view[1, 2] * z) / depth
+            up[i] = (view[2, 0] * x + view[2, 1] * y + view[2, 2] * z) / depth
+        else:
+            inverse[i] = left[i] = up[i] = 0.0
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _fill(ax: Any, ay: Any, aw: Any, bx: Any, by: Any, bw: Any, cx: Any, cy: Any, cw: Any, item: Any, nearest: Any,
+          items: Any) -> int:  # fmt: skip
+    """Draw one counter-clockwise triangle; returns its number of pixel centres."""
+    rows, columns = nearest.shape
+    area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+    if area <= 0.0:
+        return 0
+    first_row, last_row = max(int(np.ceil(min(ay, by, cy) - 0.5)), 0), min(int(np.floor(max(ay, by, cy) - 0.5)), rows - 1)
+    left, right = min(ax, bx, cx), max(ax, bx, cx)
+    if right < 0.0 or left > columns:
+        return 0
+    scale = 1.0 / area
+    # Edge functions e = e_0 + e_x x + e_y y, positive inside; the weight of the opposite corner.
+    e0x, e0y, e1x, e1y, e2x, e2y = by - cy, cx - bx, cy - ay, ax - cx, ay - by, bx - ax
+    wx = (e0x * aw + e1x * bw + e2x * cw) * scale
+    count = 0
+    for j in range(first_row, last_row + 1):
+        y = j + 0.5
+        low, high = left, right
+        # Interval of x inside all three edges on this row.
+        f0, f1, f2 = e0y * (y - by) - e0x * bx, e1y * (y - cy) - e1x * cx, e2y * (y - ay) - e2x * ax
+        empty = False
+        for f, g in ((f0, e0x), (f1, e1x), (f2, e2x)):
+            if g > 0.0:
+                low = max(low, -f / g)
+            elif g < 0.0:
+                high = min(high, -f / g)
+            elif f < 0.0:
+                empty = True
+        if empty or low > high:
+            continue
+        begin, end = max(int(np.ceil(low - 0.5)), 0), min(int(np.ceil(high - 0.5)), columns)
+        if begin >= end:
+            continue
+        x = begin + 0.5
+        w = ((f0 + e0x * x) * aw + (f1 + e1x * x) * bw + (f2 + e2x * x) * cw) * scale
+        for i in range(begin, end):
+            if w > nearest[j, i]:
+                nearest[j, i] = np.float32(w)
+                items[j, i] = item
+            w += wx
+        count += end - begin
+    return count
+
+
+@njit(cache=True, nogil=True)
+def draw(
+    points: Any, left: Any, up: Any, inverse: Any, view: Any, corners: Any, single: Any, first: int, origin: Any,
+    scale: float, nearest: Any, items: Any, pixels: Any,
+) -> None:  # fmt: skip
+    """Draw facets `corners` (facet, 3) numbered from `first` on into `nearest` inverse depths and `items` (row, column),
+    and add the pixel centres of each to `pixels` (facet,); -1 there means that it faces away.
+
+    `left`, `up` and `inverse` (point,) are those of :func:`project`. Facets are `single`-sided (facet,), counter-clockwise
+    from the visible side, or seen from both. `origin` (2,) is the tangent of the corner of pixel 0, `scale` pixels per
+    tangent.
+    """
+    polygon, clipped = np.empty((5, 3)), np.empty((5, 3))
+    for f in range(corners.shape[0]):
+        a, b, c = corners[f, 0], corners[f, 1], corners[f, 2]
+        # The side, from the volume with the viewpoint.
+        px, py, pz = points[a, 0], points[a, 1], points[a, 2]
+        qx, qy, qz = points[b, 0] - px, points[b, 1] - py, points[b, 2] - pz
+        rx, ry, rz = points[c, 0] - px, points[c, 1] - py, points[c, 2] - pz
+        side = px * (qy * rz - qz * ry) + py * (qz * rx - qx * rz) + pz * (qx * ry - qy * rx)
+        if single[f] and side >= 0.0:
+            pixels[f] = -1
+            continue
+        behind = int(inverse[a] == 0.0) + int(inverse[b] == 0.0) + int(inverse[c] == 0.0)
+        if behind == 3:
+            continue
+        if behind == 0:
+            ax, ay = (left[a] - origin[0]) * scale, (up[a] - origin[1]) * scale
+            bx, by = (left[b] - origin[0]) * scale, (up[b] - origin[1]) * scale
+            cx, cy = (left[c] - origin[0]) * scale, (up[c] - origin[1]) * scale
+            # Seen along +forward with left and up, front faces turn clockwise or counter-clockwise alike: order by area.
+            if (bx - ax) * (cy - ay) - (cx - ax) * (by - ay) >= 0.0:
+                pixels[f] += _fill(ax, ay, inverse[a], bx, by, inverse[b], cx, cy, inverse[c], first + f, nearest, items)
+            else:
+                pixels[f] += _fill(ax, ay, inverse[a], cx, cy, inverse[c], bx, by, inverse[b], first + f, nearest, items)
+            continue
+        # Clip at the near plane, in view coordinates.
+        for k in range(3):
+            p = corners[f, k]
+            for m in range(3):
+                polygon[k, m] = view[m, 0] * points[p, 0] + view[m, 1] * points[p, 1] + view[m, 2] * points[p, 2]
+        count = 0
+        for k in range(3):
+            n = (k + 1) % 3
+            if polygon[k, 0] > NEAR:
+                clipped[count] = polygon[k]
+                count += 1
+            if (polygon[k, 0] > NEAR) != (polygon[n, 0] > NEAR):
+                share = (NEAR - polygon[k, 0]) / (polygon[n, 0] - polygon[k, 0])
+                clipped[count] = polygon[k] + share * (polygon[n] - polygon[k])
+                clipped[count, 0] = NEAR
+                count += 1
+        for k in range(1, count - 1):
+            aw, bw, cw = 1.0 / clipped[0, 0], 1.0 / clipped[k, 0], 1.0 / clipped[k + 1, 0]
+            ax, ay = (clipped[0, 1] * aw - origin[0]) * scale, (clipped[0, 2] * aw - origin[1]) * scale
+            bx, by = (clipped[k, 1] * bw - origin[0]) * scale, (clipped[k, 2] * bw - origin[1]) * scale
+            cx, cy = (clipped[k + 1, 1] * cw - origin[0]) * scale, (clipped[k + 1, 2] * cw - origin[1]) * scale
+            if (bx - ax) * (cy - ay) - (cx - ax) * (by - ay) >= 0.0:
+                pixels[f] += _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, first + f, nearest, items)
+            else:
+                pixels[f] += _fill(ax, ay, aw, cx, cy, cw, bx, by, bw, first + f, nearest, items)
+
+
+@njit(cache=True, nogil=True)
+def count_items(items: Any, first: int, seen: Any) -> None:
+    """Add to `seen` (facet,) the pixels of `items` (row, column) that show each facet, numbered from `first` on."""
+    for j in range(items.shape[0]):
+        for i in range(items.shape[1]):
+            f = items[j, i] - first
+            if 0 <= f < seen.shape[0]:
+                seen[f] += 1
+
+
+@njit(cache=True, nogil=True)
+def count_hidden(before: Any, items: Any, first: int, hidden: Any) -> None:
+    """Add to `hidden` (facet,) the pixels that showed each facet in `before` and show an item from `first` on in `items`
+    (row, column)."""
+    for j in range(items.shape[0]):
+        for i in range(items.shape[1]):
+            if items[j, i] >= first and before[j, i] >= 0:
+                hidden[before[j, i]] += 1
+
+
+@njit(cache=True, nogil=True)
+def see_points(points: Any, view: Any, origin: Any, scale: float, nearest: Any, items: Any, first: int, visible: Any) -> None:
+    """Set `visible` (point,) to whether no item from `first` on lies before each of `points` (point, 3), where the view
+    shows it; others keep their value."""
+    rows, columns = nearest.shape
+    for p in range(points.shape[0]):
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        depth = view[0, 0] * x + view[0, 1] * y + view[0, 2] * z
+        if depth <= NEAR:
+            continue
+        i = int(np.floor(((view[1, 0] * x + view[1, 1] * y + view[1, 2] * z) / depth - origin[0]) * scale))
+        j = int(np.floor(((view[2, 0] * x + view[2, 1] * y + view[2, 2] * z) / depth - origin[1]) * scale))
+        if 0 <= i < columns and 0 <= j < rows:
+            visible[p] = items[j, i] < first or nearest[j, i] * depth <= 1.0 + SURFACE_MARGIN
