@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.records import PathKind, RadarPaths, knot_weights
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.direct.run_plan import TIME_PER_RTOL, RunPlan, first_delays
+from rfgen_sionna.tracing.direct.run_plan import SAFETY, TIME_PER_RTOL, RunPlan, first_delays
 from rfgen_sionna.tracing.direct.samples import Sample, Shadows, pair_delays
 from rfgen_sionna.tracing.direct.settings import MAX_KNOTS
 from rfgen_sionna.tracing.direct.time_error import prediction_error
@@ -44,7 +44,7 @@ def trace_direct(plan: RunPlan, start: float, stop: float, names: tuple[tuple[st
     scene = plan.scene
     count = plan.knots if stop > start else 1
     known: dict[float, Sample] = {}
-    allowed, error, before = TIME_PER_RTOL * scene.rtol, 0.0, np.inf
+    allowed, error, before = SAFETY * TIME_PER_RTOL * scene.rtol, 0.0, np.inf
     while True:
         times = np.linspace(start, stop, count)
         fresh = [t for t in times.tolist() if t not in known]
@@ -72,7 +72,7 @@ def trace_direct(plan: RunPlan, start: float, stop: float, names: tuple[tuple[st
 
     def centres(t: float) -> FloatArray:
         points = plan.mesh.points(scene.positions(t), np.zeros(3))
-        return np.asarray(points[plan.mesh.meshes.corners[chosen]].mean(axis=1))
+        return plan.mesh.centroids(points, chosen)
 
     time_error = max(error, plan.time_error) if len(times) > 1 else 0.0
     return DirectTrace(paths, plan.error, time_error, len(chosen) * len(times), tuple(each.shadows for each in samples), centres)
@@ -110,7 +110,7 @@ def _paths(
         after, ahead = (np.empty_like(tau) for _ in range(2))
         for step, into in ((-RATE_STEP, after), (RATE_STEP, ahead)):
             points = mesh.points(scene.positions(t + step), band.viewpoint)
-            pair_delays(points[mesh.meshes.corners[chosen]].mean(axis=1)[None], tx, rx, into)
+            pair_delays(mesh.centroids(points, chosen)[None], tx, rx, into)
         rate = (ahead - after) / (2 * RATE_STEP)
     away = np.maximum(lengths(centroids), 1e-12)
     direction = np.ascontiguousarray((centroids / away[..., None]).transpose(1, 0, 2))

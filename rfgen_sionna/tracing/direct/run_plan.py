@@ -41,7 +41,7 @@ MAX_ROUNDS = 4
 """Largest number of refinements; then a warning reports the error."""
 SAFETY = 1.5
 """Factor on errors measured at a few times, pairs and frequencies, for all others."""
-EXPANSION_SHARE = 0.3
+EXPANSION_SHARE = 0.7
 """Share of the tolerance for an expansion."""
 MAX_ORDER, MAX_DEGREE = 8, 6
 """Bounds of the expansion over the band and over the array: interpolation at more nodes is ill-conditioned."""
@@ -169,12 +169,14 @@ class RunPlan:
 
     def values(self, sample: Sample, chosen: NDArray[np.intp]) -> tuple[ComplexArray, FloatArray]:
         """(node, chosen) gains of the expansion, and (chosen, 3) centroids [m] relative to the viewpoint."""
-        gradient = self.scene.gradient(sample.points[self.mesh.meshes.corners[chosen]].mean(axis=1), self.steep)
+        gradient = self.scene.gradient(self.mesh.centroids(sample.points, chosen), self.steep)
         return integrate(self.mesh, self.material, sample, chosen, self.nodes, self.settings.sagitta, gradient)
 
     def first_pair(self, values: ComplexArray) -> ComplexArray:
         """(...) gains of the first pair in the middle of the band, from values (node, ...)."""
-        return np.asarray(np.tensordot(self.expansion.weights[0, 0, 0], values, 1))
+        weights = self.expansion.weights[0, 0, 0]
+        joined = weights @ np.ascontiguousarray(values).view(np.float64).reshape(len(values), -1)
+        return joined.view(np.complex128).reshape(values.shape[1:])
 
 
 class _Planner:
@@ -196,7 +198,7 @@ class _Planner:
         for attempt in range(MAX_ROUNDS):
             error = self._error(settings)
             worst = float(error.max(initial=0.0))
-            if worst <= self._scene.rtol:
+            if worst <= SAFETY * self._scene.rtol:
                 break
             if attempt == MAX_ROUNDS - 1 or worst > 0.7 * before:
                 name = self._scene.surfaces[int(np.argmax(error))].name
@@ -325,14 +327,14 @@ class _Planner:
 
 def _with_knots(plan: RunPlan, starts: Sequence[float], length: float) -> RunPlan:
     """The plan with the fewest knots per interval of `length` [s] that meet the tolerance in intervals from `starts`."""
-    allowed = TIME_PER_RTOL * plan.scene.rtol
+    allowed = SAFETY * TIME_PER_RTOL * plan.scene.rtol
     count = first_count(plan, length)
     measured = [_time_error(plan, start, length, count) for start in starts]
     while count < MAX_KNOTS and max(error for error, _ in measured) > allowed:
-        finer = 2 * count - 1
+        finer = count + max(1, count // 4)
         again = [_time_error(plan, start, length, finer) for start in starts]
         falls = max(error for error, _ in again) < 0.7 * max(error for error, _ in measured)
-        if not falls and count >= 5:
+        if not falls and count >= 9:
             break
         count, measured = finer, again
     error, predicted = max(measured)

@@ -67,7 +67,7 @@ class Sampler:
     def _limit_range(self, points: FloatArray, visible: FloatArray) -> None:
         """Set `visible` (facet,) to 0 beyond the range window."""
         if np.isfinite(self.max_range) and np.einsum("pi,pi->p", points, points).max(initial=0.0) >= self.max_range**2:
-            centroids = points[self.mesh.meshes.corners].mean(axis=1)
+            centroids = self.mesh.centroids(points, np.arange(len(self.mesh)))
             visible[np.einsum("fi,fi->f", centroids, centroids) >= self.max_range**2] = 0.0
 
 
@@ -81,11 +81,14 @@ def choose_facets(
 ) -> NDArray[np.intp]:
     """Indices, ascending, of the facets that matter at any of the `samples`. `group` (surface,) is the tolerance group,
     `omitted` the share of each group's energy that may be left out, 0 keeps all visible facets."""
-    chosen = np.flatnonzero(np.any([each.visible > 0 for each in samples], axis=0))
+    most = samples[0].visible
+    for each in samples[1:]:
+        most = np.maximum(most, each.visible)
+    chosen = np.flatnonzero(most)
     if omitted <= 0 or not len(chosen):
         return chosen
     middle = samples[len(samples) // 2].points
-    centroids = middle[mesh.meshes.corners[chosen]].mean(axis=1)
+    centroids = mesh.centroids(middle, chosen)
     gain = pattern_gain(centroids / np.maximum(np.linalg.norm(centroids, axis=1, keepdims=True), 1e-12))
     bounds = np.zeros(len(chosen))
     for each in {0: samples[0], len(samples) // 2: samples[len(samples) // 2], len(samples) - 1: samples[-1]}.values():

@@ -14,6 +14,7 @@ from numba import njit
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.tracing.integral.obliquity import Media
+from rfgen_sionna.tracing.integral.phasor_moments import FAST
 
 _MIN_SINE_PRODUCT = 1e-36
 """Product of the squared sines between direction and fields below which there is no transverse field: 1e-9 rad."""
@@ -31,42 +32,42 @@ def media_table(media: Media) -> FloatArray:
     return np.ascontiguousarray(np.stack([np.broadcast_to(each, eps.shape) for each in columns], axis=-1), np.float64)
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def dot(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def cross(a: Any, b: Any) -> Any:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def plus(a: Any, b: Any) -> Any:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def minus(a: Any, b: Any) -> Any:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def scaled(a: Any, by: Any) -> Any:
     return a[0] * by, a[1] * by, a[2] * by
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def norm(a: Any) -> float:
     return np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def unit(a: Any) -> Any:
     return scaled(a, 1.0 / max(norm(a), 1e-30))
 
 
-@njit(cache=True)
+@njit(fastmath=FAST, error_model="numpy")
 def reflection(medium: Any, wavenumber: float, cosine: float, sine2: float) -> tuple[complex, complex]:
     """Fresnel's r_s and r_p of the coherent field, of a half-space or a slab (ITU-R P.2040, eq. 43)."""
     share = medium[5]
@@ -86,7 +87,7 @@ def reflection(medium: Any, wavenumber: float, cosine: float, sine2: float) -> t
     return r_s * share, r_p * share
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def _transverse(field: Any, k: Any) -> Any:
     """Unit vector of the part of a `field` across `k`; zero where there is none."""
     across = minus(field, scaled(k, dot(field, k)))
@@ -94,14 +95,14 @@ def _transverse(field: Any, k: Any) -> Any:
     return scaled(across, 1.0 / size) if size > 1e-9 else (0.0, 0.0, 0.0)
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def _received(field: Any, direction: Any, electric: Any, current: Any) -> float:
     """Half of e_out . (k_out x (E x n) + k_out x (k_out x (n x eta H))), the Stratton-Chu integrand, of a `field` along a
     `direction`."""
     return 0.5 * (dot(field, electric) + dot(current, cross(direction, field)))
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def _one_way(medium: Any, wavenumber: float, normal: Any, k_in: Any, e_in: Any, k_out: Any, e_out: Any) -> complex:
     """Obliquity of a plane wave of unit field `e_in` along `k_in`, received along `k_out` by an element of field
     `e_out`."""
@@ -123,7 +124,7 @@ def _one_way(medium: Any, wavenumber: float, normal: Any, k_in: Any, e_in: Any, 
     )
 
 
-@njit(cache=True)
+@njit(fastmath=FAST, error_model="numpy")
 def obliquity(
     medium: Any, wavenumber: float, normal: Any, point: Any, tx: Any, rx: Any, tx_field: Any, rx_field: Any, bistatic: bool
 ) -> complex:

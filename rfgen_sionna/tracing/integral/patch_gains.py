@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 
 from rfgen_sionna.tracing.integral.fresnel import cross, dot, minus, norm, obliquity, plus, scaled
-from rfgen_sionna.tracing.integral.phasor_moments import mean_phasor
+from rfgen_sionna.tracing.integral.phasor_moments import FAST, mean_phasor
 
 MAX_PARTS = 8
 """Largest number of pieces along an edge."""
@@ -31,7 +31,7 @@ MIN_COSINE = 1e-3
 _POINTS = (2 * MAX_PARTS + 1) * (MAX_PARTS + 1)
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def _edge_sagitta(normals: Any, g: int, h: int, chord: Any) -> tuple[float, float, float]:
     """Displacement [m] of the middle of an edge with this `chord` between corners of the normals `g` and `h`."""
     if g < 0 or h < 0 or g == h:
@@ -42,7 +42,7 @@ def _edge_sagitta(normals: Any, g: int, h: int, chord: Any) -> tuple[float, floa
     return scaled(mean, dot(minus(other, one), chord) / (2.0 * length * (2.0 + length)))
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def _on_patch(a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, u: float, v: float, w: float) -> tuple[float, float, float]:
     """Point at barycentric coordinates `u`, `v`, `w` of a patch with corners `a`, `b`, `c` and sagittas `r`, `s`, `t`."""
     p, q, o = 4.0 * v * w, 4.0 * w * u, 4.0 * u * v
@@ -53,13 +53,13 @@ def _on_patch(a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, u: float, v: float
     )
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def _store(lattice: Any, m: int, point: Any) -> None:
     """Write a `point` to row `m`."""
     lattice[m, 0], lattice[m, 1], lattice[m, 2] = point
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def _path_length(point: Any, t: Any, r: Any, apart: bool) -> float:
     """Length [m] of the path from `t` by a `point` to `r`, or twice the distance of `t` where both are one."""
     if apart:
@@ -67,7 +67,7 @@ def _path_length(point: Any, t: Any, r: Any, apart: bool) -> float:
     return 2.0 * norm(minus(point, t))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def patch_gains(
     points: Any, faces: Any, group: Any, normals: Any, face_of: Any, weights: Any, chosen: Any, visible: Any,
     material: Any, single: Any, nodes: Any, fields: Any, media: Any, bistatic: bool, most_sagitta: float, gradient: Any,
@@ -253,7 +253,7 @@ def patch_gains(
             gains[n, q] = visible[q] * (0.5j / (4.0 * np.pi)) * strength * total
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def _place(double: int, row: int, column: int) -> int:
     """Index of a lattice point in its row; row k holds `double` + 1 - k points."""
     return row * (double + 1) - row * (row - 1) // 2 + column

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+FAST = {"contract", "reassoc", "arcp", "nsz"}
+"""Freedoms of the compiler: all but those that assume finite numbers."""
 SERIES_SPREAD = 0.1
 """Spread of the phases [rad] below which the series holds: remainder below 1e-7."""
 MAX_DAMPING = 2.0
@@ -34,7 +36,7 @@ _S0, _S1, _S2, _S3, _S4, _S5, _S6, _S7, _S8 = map(float, _SIN)
 _TURN = 1.0 / (2.0 * np.pi)
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def turn(cycles: float) -> complex:
     """exp(-2j pi cycles), to 1e-12."""
     r = cycles - np.floor(cycles + 0.5)
@@ -44,7 +46,7 @@ def turn(cycles: float) -> complex:
     return complex(c, -s)
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def _bessel(h: float, wave: complex) -> tuple[float, float]:
     """Spherical Bessel functions j0(h) and j1(h) / h, with `wave` = exp(-j h)."""
     if h < 0.3:
@@ -55,7 +57,7 @@ def _bessel(h: float, wave: complex) -> tuple[float, float]:
     return j0, (j0 - wave.real) / (h * h)
 
 
-@njit(inline="always")
+@njit(fastmath=FAST, error_model="numpy")
 def mean_phasor(
     a: float, b: float, c: float, wa: float, wb: float, wc: float, ka: float, kb: float, kc: float
 ) -> complex:
@@ -104,7 +106,8 @@ def mean_phasor(
     total = wa * ma + wb * mb + wc * mc + strength * complex(-bent.imag, bent.real)
     # <16 l_i^2 l_k^2> - 1/9 = 1/15, <16 l_i^2 l_k l_m> - 1/9 = -1/45
     variance = (ka * ka + kb * kb + kc * kc) / 15.0 - (ka * kb + kb * kc + kc * ka) * (2.0 / 45.0)
-    return total * np.exp(-min(0.5 * variance, MAX_DAMPING))
+    exponent = min(0.5 * variance, MAX_DAMPING)
+    return total / (1.0 + exponent * (1.0 + 0.5 * exponent))
 
 
 @njit(cache=True)

@@ -135,12 +135,27 @@ class FacetMesh:
                 found[first + len(own) : last] = np.einsum("pk,pki->pi", weights, found[first + ends])
         return found
 
+    def centroids(self, points: FloatArray, chosen: NDArray[np.intp]) -> FloatArray:
+        """(chosen, 3) centroids [m] of the `chosen` flat facets, for `points` (vertex, 3) [m]."""
+        found = np.empty((len(chosen), 3))
+        facet_centroids(points, self.meshes.corners, chosen, found)
+        return found
+
     def normals(self, points: FloatArray) -> FloatArray:
         """(normal, 3) unit normals of the smooth surfaces at `points` (vertex, 3) [m]."""
         found = np.zeros((max(self.num_normals, 1), 3))
         if self.num_normals:
             corner_normals(points, self.faces, self.group, self.contributes, found)
         return found
+
+
+@njit(cache=True, nogil=True)
+def facet_centroids(points: Any, corners: Any, chosen: Any, found: Any) -> None:
+    """Centroids into `found` (chosen, 3) of the `chosen` facets with `corners` (facet, 3) among `points` (vertex, 3)."""
+    for q in range(chosen.shape[0]):
+        f = chosen[q]
+        for k in range(3):
+            found[q, k] = (points[corners[f, 0], k] + points[corners[f, 1], k] + points[corners[f, 2], k]) / 3.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

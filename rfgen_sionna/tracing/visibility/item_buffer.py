@@ -13,7 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.tracing.visibility.rasterise import count_hidden, count_items, draw, project, see_points
+from rfgen_sionna.tracing.visibility.rasterise import (
+    bounding_box,
+    count_hidden,
+    count_items,
+    draw,
+    project,
+    see_points,
+    see_small,
+    set_fractions,
+    widen_outline,
+)
 
 MAX_TANGENT = 2.0
 """Largest tangent of the angle off a view's axis; beyond it six views of 90 degrees are taken."""
@@ -60,11 +70,11 @@ def choose_views(points: Sequence[FloatArray], vertex_range: IntArray, resolutio
     used = [k for k in range(count) if vertex_range[k, 1] > vertex_range[k, 0]]
     if not used:
         return []
-    boxes = np.full((count, 2, 3), np.nan)
+    boxes = np.tile(np.array([[np.inf], [-np.inf]]), (count, 1, 3))
     for k in used:
-        own = np.concatenate([each[slice(*vertex_range[k])] for each in points])
-        boxes[k] = own.min(axis=0), own.max(axis=0)
-    axes = _axes(np.nanmean([0.5 * (low + high) for low, high in boxes[used]], axis=0))
+        for each in points:
+            bounding_box(each[slice(*vertex_range[k])], boxes[k])
+    axes = _axes(boxes[used].mean(axis=(0, 1)))
     windows = {k: _window([each[slice(*vertex_range[k])] for each in points], axes) for k in used}
     if any(each is None for each in windows.values()):
         return _cube(tuple(used), resolution)
@@ -96,15 +106,11 @@ def _axes(forward: FloatArray) -> FloatArray:
 
 def _window(points: Sequence[FloatArray], axes: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     """Lowest and highest tangents (2,) of points (vertex, 3) [m]; None where a point is behind or too far aside."""
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    outline = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
     for each in points:
-        own = each @ axes.T
-        depth = own[:, 0]
-        if not (depth > 1e-2 * np.abs(own[:, 1:]).max(axis=1)).all():
+        if not widen_outline(each, axes, outline) or np.abs(outline).max() > MAX_TANGENT:
             return None
-        tangents = own[:, 1:] / depth[:, None]
-        low, high = np.minimum(low, tangents.min(axis=0)), np.maximum(high, tangents.max(axis=0))
-    return None if max(float(-low.min()), float(high.max())) > MAX_TANGENT else (low, high)
+    return outline[0], outline[1]
 
 
 def _clusters(outlines: dict[int, tuple[FloatArray, FloatArray]]) -> list[list[int]]:
@@ -179,15 +185,12 @@ class ItemBuffer:
                      self._first + int(meshes.facet_range[k, 0]), view.origin, view.scale, nearest, items,
                      pixels[facets])  # fmt: skip
             count_items(items, self._first, seen)
-            own = [np.flatnonzero(pixels[slice(*each)] == 0) + each[0] for each in meshes.facet_range[list(view.surfaces)]]
-            small = np.concatenate(own)
-            if len(small):
-                visible = np.zeros(len(small), np.bool_)
-                centroids = points[meshes.corners[small]].mean(axis=1)
-                see_points(centroids, view.axes, view.origin, view.scale, nearest, items, -1, visible)
-                found[small[visible]] = 1.0  # too small for pixels of their own
-        some = pixels > 0
-        found[some] = seen[some] / pixels[some]
+            for k in view.surfaces:
+                facets = slice(*meshes.facet_range[k])
+                # Facets too small for pixels of their own are visible where their centroids are.
+                see_small(points, view.axes, view.origin, view.scale, nearest, items, meshes.corners[facets],
+                          pixels[facets], found[facets])  # fmt: skip
+        set_fractions(pixels, seen, found)
 
     def shadows(self) -> tuple[NDArray[np.intp], FloatArray]:
         """Facets at rest, ascending, that the surfaces of the last :meth:`fractions` occlude, and the visible share of

@@ -18,6 +18,31 @@ SURFACE_MARGIN = 2e-3
 
 
 @njit(cache=True, nogil=True)
+def bounding_box(points: Any, box: Any) -> None:
+    """Widen `box` (2, 3), lowest and highest coordinates, to `points` (point, 3)."""
+    for i in range(points.shape[0]):
+        for k in range(3):
+            box[0, k] = min(box[0, k], points[i, k])
+            box[1, k] = max(box[1, k], points[i, k])
+
+
+@njit(cache=True, nogil=True)
+def widen_outline(points: Any, view: Any, outline: Any) -> bool:
+    """Widen `outline` (2, 2), lowest and highest tangents to the left and up, to `points` (point, 3) in a `view`; False
+    where a point is behind or nearly beside the viewpoint."""
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        depth = view[0, 0] * x + view[0, 1] * y + view[0, 2] * z
+        if depth <= NEAR:
+            return False
+        left = (view[1, 0] * x + view[1, 1] * y + view[1, 2] * z) / depth
+        up = (view[2, 0] * x + view[2, 1] * y + view[2, 2] * z) / depth
+        outline[0, 0], outline[1, 0] = min(outline[0, 0], left), max(outline[1, 0], left)
+        outline[0, 1], outline[1, 1] = min(outline[0, 1], up), max(outline[1, 1], up)
+    return True
+
+
+@njit(cache=True, nogil=True)
 def project(points: Any, view: Any, left: Any, up: Any, inverse: Any) -> None:
     """Tangents `left`, `up` and `inverse` depth (point,) of `points` (point, 3) in a `view` (3, 3); inverse depth is 0
     for points behind the near plane."""
@@ -175,3 +200,33 @@ def see_points(points: Any, view: Any, origin: Any, scale: float, nearest: Any, 
         j = int(np.floor(((view[2, 0] * x + view[2, 1] * y + view[2, 2] * z) / depth - origin[1]) * scale))
         if 0 <= i < columns and 0 <= j < rows:
             visible[p] = items[j, i] < first or nearest[j, i] * depth <= 1.0 + SURFACE_MARGIN
+
+
+@njit(cache=True, nogil=True)
+def see_small(
+    points: Any, view: Any, origin: Any, scale: float, nearest: Any, items: Any, corners: Any, pixels: Any, visible: Any
+) -> None:
+    """Set `visible` (facet,) to 1 for facets `corners` (facet, 3) without `pixels` whose centroid nothing hides."""
+    rows, columns = nearest.shape
+    for f in range(corners.shape[0]):
+        if pixels[f] != 0:
+            continue
+        a, b, c = corners[f, 0], corners[f, 1], corners[f, 2]
+        x = (points[a, 0] + points[b, 0] + points[c, 0]) / 3.0
+        y = (points[a, 1] + points[b, 1] + points[c, 1]) / 3.0
+        z = (points[a, 2] + points[b, 2] + points[c, 2]) / 3.0
+        depth = view[0, 0] * x + view[0, 1] * y + view[0, 2] * z
+        if depth <= NEAR:
+            continue
+        i = int(np.floor(((view[1, 0] * x + view[1, 1] * y + view[1, 2] * z) / depth - origin[0]) * scale))
+        j = int(np.floor(((view[2, 0] * x + view[2, 1] * y + view[2, 2] * z) / depth - origin[1]) * scale))
+        if 0 <= i < columns and 0 <= j < rows and nearest[j, i] * depth <= 1.0 + SURFACE_MARGIN:
+            visible[f] = 1.0
+
+
+@njit(cache=True, nogil=True)
+def set_fractions(pixels: Any, seen: Any, visible: Any) -> None:
+    """Set `visible` (facet,) to the share of `seen` (facet,) in `pixels` (facet,) of facets that have any."""
+    for f in range(pixels.shape[0]):
+        if pixels[f] > 0:
+            visible[f] = seen[f] / pixels[f]
