@@ -269,7 +269,7 @@ class Tracer:
         self,
         start: float,
         stop: float,
-        moving: TraceRun | None = None,
+        run: TraceRun | None = None,
         watch: Callable[[float, RayScene], None] | None = None,
     ) -> Traced:
         """Paths from `start` to `stop` [s], with as many knots as the motion demands.
@@ -278,13 +278,13 @@ class Tracer:
         ----------
         start, stop
             Interval [s].
-        moving
+        run
             Result of :meth:`follow` for the run; None starts a new one.
         watch
             Called with each sample time [s] and the ray scene of that time.
         """
         self._positions.clear()
-        run = moving or self.follow()
+        run = run or self.follow()
         if run.indirect is None:
             return self._trace_direct(start, stop, run, watch)
         moving = run.indirect

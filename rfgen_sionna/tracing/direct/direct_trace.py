@@ -38,7 +38,9 @@ class DirectTrace:
     """Time [s] to the (path, 3) facet centres [m]."""
 
 
-def trace_direct(plan: RunPlan, start: float, stop: float, names: tuple[tuple[str, ...], tuple[str, ...]]) -> DirectTrace:
+def trace_direct(
+    plan: RunPlan, start: float, stop: float, names: tuple[tuple[str, ...], tuple[str, ...]]
+) -> DirectTrace:
     """Paths from `start` to `stop` [s], with as many knots as the motion demands; `names` are those of objects and
     parts."""
     scene = plan.scene
@@ -75,7 +77,9 @@ def trace_direct(plan: RunPlan, start: float, stop: float, names: tuple[tuple[st
         return plan.mesh.centroids(points, chosen)
 
     time_error = max(error, plan.time_error) if len(times) > 1 else 0.0
-    return DirectTrace(paths, plan.error, time_error, len(chosen) * len(times), tuple(each.shadows for each in samples), centres)
+    return DirectTrace(
+        paths, plan.error, time_error, len(chosen) * len(times), tuple(each.shadows for each in samples), centres
+    )
 
 
 def _rests(samples: list[Sample]) -> bool:

@@ -6,13 +6,15 @@ The plan depends on the run alone, not on the order in which its intervals are t
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.records import interpolate_knots, knot_weights
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.direct.samples import (
     GainNodes,
@@ -202,7 +204,9 @@ class _Planner:
                 break
             if attempt == MAX_ROUNDS - 1 or worst > 0.7 * before:
                 name = self._scene.surfaces[int(np.argmax(error))].name
-                _LOG.warning("the return of '%s' has a relative error of %.2g (rtol: %g)", name, worst, self._scene.rtol)
+                _LOG.warning(
+                    "the return of '%s' has a relative error of %.2g (rtol: %g)", name, worst, self._scene.rtol
+                )
                 break
             settings, before = settings.finer(), worst
         return settings, error
@@ -326,7 +330,8 @@ class _Planner:
 
 
 def _with_knots(plan: RunPlan, starts: Sequence[float], length: float) -> RunPlan:
-    """The plan with the fewest knots per interval of `length` [s] that meet the tolerance in intervals from `starts`."""
+    """The plan with the fewest knots per interval of `length` [s] that meet the tolerance in intervals from
+    `starts`."""
     allowed = SAFETY * TIME_PER_RTOL * plan.scene.rtol
     count = first_count(plan, length)
     measured = [_time_error(plan, start, length, count) for start in starts]
@@ -362,8 +367,6 @@ def _time_error(plan: RunPlan, start: float, length: float, count: int) -> tuple
     gains = gains * scene.pattern(centroids[count - 1])[:, None]
     delays = first_delays(scene.band, centroids)
     group, groups = scene.group[plan.mesh.facet_surface[chosen]], len(scene.group)
-    from rfgen_sionna.records import interpolate_knots, knot_weights
-
     weights = knot_weights(times[::2], times)
     coarse = interpolate_knots(weights, np.ascontiguousarray(gains[:, ::2]))
     smooth = delays[:, ::2] @ weights.T
@@ -410,8 +413,6 @@ def _speeds(poses: Sequence[Sequence[FloatArray]]) -> Sequence[float]:
     """Largest movement [m] of any vertex about each of the `poses`."""
     steps = [
         max((float(lengths(b - a).max(initial=0.0)) for a, b in zip(one, other, strict=True)), default=0.0)
-        for one, other in zip(poses[:-1], poses[1:], strict=True)
+        for one, other in pairwise(poses)
     ]
     return [max(steps[max(k - 1, 0) : k + 1], default=0.0) for k in range(len(poses))]
-
-

@@ -38,9 +38,9 @@ class Sample:
 
 @dataclass(frozen=True)
 class Sampler:
-    """Samples the facets of a `mesh` with vertices at `positions`, seen from the `viewpoint` (3,) [m] within `max_range`
-    [m], with `resolution` pixels along a surface. Facets at rest, with corners `static` (facet, 3, 3) [m] relative to the
-    viewpoint, occlude and are occluded."""
+    """Samples the facets of a `mesh` with vertices at `positions`, seen from the `viewpoint` (3,) [m] within
+    `max_range` [m], with `resolution` pixels along a surface. Facets at rest, with corners `static` (facet, 3, 3) [m]
+    relative to the viewpoint, occlude and are occluded."""
 
     mesh: FacetMesh
     positions: Positions
@@ -121,21 +121,22 @@ def integrate(
     sagitta: float,
     gradient: FloatArray,
 ) -> tuple[ComplexArray, FloatArray]:
-    """(node, chosen) gains with the shadow weight, and (chosen, 3) centroids [m] relative to the viewpoint; the arguments
-    are those of :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`."""
+    """(node, chosen) gains with the shadow weight, and (chosen, 3) centroids [m] relative to the viewpoint; the
+    arguments are those of :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`."""
     gains = np.empty((len(nodes.table), len(chosen)), np.complex128)
     centroids = np.empty((len(chosen), 3))
     patch_gains(
-        sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, sample.visible[chosen],
-        material, mesh.single, nodes.table, nodes.fields, nodes.media, nodes.bistatic, sagitta, gradient, gains, centroids,
+        sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen,
+        sample.visible[chosen], material, mesh.single, nodes.table, nodes.fields, nodes.media, nodes.bistatic, sagitta,
+        gradient, gains, centroids,
     )  # fmt: skip
     return gains, centroids
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def pair_delays(centroids: Any, tx: Any, rx: Any, delays: Any) -> None:
-    """Delays [s] into `delays` (tx, rx, facet, knot) by `centroids` (knot, facet, 3) [m] of elements `tx` (tx, 3) and `rx`
-    (rx, 3) [m]."""
+    """Delays [s] into `delays` (tx, rx, facet, knot) by `centroids` (knot, facet, 3) [m] of elements `tx` (tx, 3) and
+    `rx` (rx, 3) [m]."""
     knots, count = centroids.shape[0], centroids.shape[1]
     senders, receivers = tx.shape[0], rx.shape[0]
     out, back = np.empty(senders), np.empty(receivers)

@@ -97,8 +97,8 @@ def _transverse(field: Any, k: Any) -> Any:
 
 @njit(fastmath=FAST, error_model="numpy")
 def _received(field: Any, direction: Any, electric: Any, current: Any) -> float:
-    """Half of e_out . (k_out x (E x n) + k_out x (k_out x (n x eta H))), the Stratton-Chu integrand, of a `field` along a
-    `direction`."""
+    """Half of e_out . (k_out x (E x n) + k_out x (k_out x (n x eta H))), the Stratton-Chu integrand, of a `field`
+    along a `direction`."""
     return 0.5 * (dot(field, electric) + dot(current, cross(direction, field)))
 
 
@@ -126,7 +126,15 @@ def _one_way(medium: Any, wavenumber: float, normal: Any, k_in: Any, e_in: Any, 
 
 @njit(fastmath=FAST, error_model="numpy")
 def obliquity(
-    medium: Any, wavenumber: float, normal: Any, point: Any, tx: Any, rx: Any, tx_field: Any, rx_field: Any, bistatic: bool
+    medium: Any,
+    wavenumber: float,
+    normal: Any,
+    point: Any,
+    tx: Any,
+    rx: Any,
+    tx_field: Any,
+    rx_field: Any,
+    bistatic: bool,
 ) -> complex:
     """Obliquity over the product of the distances [1/m^2] at a `point`, per cosine of incidence for an element half way
     between `tx` and `rx` [m]; that element's where not `bistatic`."""

@@ -4,12 +4,13 @@ With the Tx element at distance R_t, the Rx element at R_r and k = 2 pi f / c th
 
     a = (j / 4 pi) F A / (R_t R_r) <exp(-j k (R_t + R_r))>
 
-A is the area, <.> the mean over the facet, and F the obliquity (:mod:`rfgen_sionna.tracing.integral.fresnel`). At normal
-incidence on metal F = -1: an infinite mirror at distance d has the image-theory gain -lambda / (4 pi 2 d) exp(-j 2 k d).
+A is the area, <.> the mean over the facet, and F the obliquity (:mod:`rfgen_sionna.tracing.integral.fresnel`). At
+normal incidence on metal F = -1: an infinite mirror at distance d has the image-theory gain -lambda / (4 pi 2 d)
+exp(-j 2 k d).
 
-The middle of an edge between corners with normals n_i, n_k is displaced by a circle's sagitta, a facet by the quadratic of
-its three edges (:mod:`rfgen_sionna.tracing.surface.smoothing`). A facet is divided until the quadratic part of the phase
-on each piece is small (:func:`rfgen_sionna.tracing.integral.phasor_moments.mean_phasor`).
+The middle of an edge between corners with normals n_i, n_k is displaced by a circle's sagitta, a facet by the
+quadratic of its three edges (:mod:`rfgen_sionna.tracing.surface.smoothing`). A facet is divided until the quadratic
+part of the phase on each piece is small (:func:`rfgen_sionna.tracing.integral.phasor_moments.mean_phasor`).
 """
 
 from __future__ import annotations
@@ -43,8 +44,11 @@ def _edge_sagitta(normals: Any, g: int, h: int, chord: Any) -> tuple[float, floa
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _on_patch(a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, u: float, v: float, w: float) -> tuple[float, float, float]:
-    """Point at barycentric coordinates `u`, `v`, `w` of a patch with corners `a`, `b`, `c` and sagittas `r`, `s`, `t`."""
+def _on_patch(
+    a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, u: float, v: float, w: float
+) -> tuple[float, float, float]:
+    """Point at barycentric coordinates `u`, `v`, `w` of a patch with corners `a`, `b`, `c` and sagittas `r`, `s`,
+    `t`."""
     p, q, o = 4.0 * v * w, 4.0 * w * u, 4.0 * u * v
     return (
         u * a[0] + v * b[0] + w * c[0] + p * r[0] + q * s[0] + o * t[0],
@@ -81,14 +85,15 @@ def patch_gains(
         (vertex, 3) [m] relative to the viewpoint, (face, 3), (face, 3) index of the normal of each corner, -1 on flat
         faces, and (normal, 3).
     face_of, weights
-        (facet,) face of each facet, and (facet, 3, 3) barycentric coordinates of its corners; no weights mean whole faces.
+        (facet,) face of each facet, and (facet, 3, 3) barycentric coordinates of its corners; no weights mean whole
+        faces.
     chosen, visible
         (chosen,) facets to integrate, and (chosen,) visible fraction of each.
     material, single
         (face,) index of the material, and whether only the front of the face returns.
     nodes, fields
-        (node, 7) Tx and Rx position [m] relative to the viewpoint and wavenumber [rad/m], nodes of one pair in turn; (2, 3)
-        electric field of Tx and Rx.
+        (node, 7) Tx and Rx position [m] relative to the viewpoint and wavenumber [rad/m], nodes of one pair in turn;
+        (2, 3) electric field of Tx and Rx.
     media
         (node, material, 7) of :func:`rfgen_sionna.tracing.integral.fresnel.media_table`.
     bistatic
@@ -194,7 +199,15 @@ def patch_gains(
                             x, y = row / (2.0 * parts), column / (2.0 * parts)
                             z = 1.0 - x - y
                             p = _on_patch(
-                                a, b, c, r, s, t, z * u0 + x * u1 + y * u2, z * v0 + x * v1 + y * v2, z * w0 + x * w1 + y * w2
+                                a,
+                                b,
+                                c,
+                                r,
+                                s,
+                                t,
+                                z * u0 + x * u1 + y * u2,
+                                z * v0 + x * v1 + y * v2,
+                                z * w0 + x * w1 + y * w2,
                             )
                             _store(lattice, m, p)
                             path[m] = _path_length(p, here, there, apart) - base
@@ -214,9 +227,9 @@ def patch_gains(
                 if projected > 0.0:
                     total = projected * mean_phasor(
                         wavenumber * path[0], wavenumber * path[1], wavenumber * path[2],
-                        1.0 + dot(tilt, minus(p0, top)), 1.0 + dot(tilt, minus(p1, top)), 1.0 + dot(tilt, minus(p2, top)),
-                        wavenumber * (0.5 * (path[1] + path[2]) - path[3]), wavenumber * (0.5 * (path[2] + path[0]) - path[4]),
-                        wavenumber * (0.5 * (path[0] + path[1]) - path[5]),
+                        1.0 + dot(tilt, minus(p0, top)), 1.0 + dot(tilt, minus(p1, top)), 1.0 + dot(tilt, minus(p2,
+                        top)), wavenumber * (0.5 * (path[1] + path[2]) - path[3]), wavenumber * (0.5 * (path[2] +
+                        path[0]) - path[4]), wavenumber * (0.5 * (path[0] + path[1]) - path[5]),
                     )  # fmt: skip
             else:
                 double = 2 * parts
@@ -226,7 +239,14 @@ def patch_gains(
                             if turned and column == parts - row - 1:
                                 continue
                             # Corners and edge middles on the lattice of half steps.
-                            x0, y0, x1, y1, x2, y2 = 2 * row, 2 * column, 2 * row + 2, 2 * column, 2 * row, 2 * column + 2
+                            x0, y0, x1, y1, x2, y2 = (
+                                2 * row,
+                                2 * column,
+                                2 * row + 2,
+                                2 * column,
+                                2 * row,
+                                2 * column + 2,
+                            )
                             if turned:
                                 x0, y0 = 2 * row + 2, 2 * column
                                 x1, y1 = 2 * row + 2, 2 * column + 2

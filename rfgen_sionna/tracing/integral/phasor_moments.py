@@ -83,7 +83,11 @@ def mean_phasor(
         mb = carrier * complex(1.0 / 3.0 - y * y / 60.0 - q / 120.0, -y / 12.0)
         mc = carrier * complex(1.0 / 3.0 - z * z / 60.0 - q / 120.0, -z / 12.0)
         edge = 1.0 / 12.0 - q / 360.0
-        ea, eb, ec = carrier * complex(edge, x / 60.0), carrier * complex(edge, y / 60.0), carrier * complex(edge, z / 60.0)
+        ea, eb, ec = (
+            carrier * complex(edge, x / 60.0),
+            carrier * complex(edge, y / 60.0),
+            carrier * complex(edge, z / 60.0),
+        )
     else:
         scale = complex(0.0, 1.0 / spread)
         first, second = 0.5 * (b - a), 0.5 * (c - b)

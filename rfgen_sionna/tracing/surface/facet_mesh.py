@@ -18,7 +18,8 @@ from rfgen_sionna.tracing.visibility.item_buffer import Meshes
 
 @dataclass(frozen=True)
 class FacetMesh:
-    """Faces of all surfaces, and the facets that they are divided into. Vertices of pieces follow those of each mesh."""
+    """Faces of all surfaces, and the facets that they are divided into. Vertices of pieces follow those of each
+    mesh."""
 
     faces: IntArray
     """(face, 3) vertex indices."""
@@ -57,10 +58,14 @@ class FacetMesh:
         return np.asarray(self.surface[self.face_of])
 
     @staticmethod
-    def of(surfaces: Sequence[Surface], tessellations: Sequence[Tessellation], num_vertices: Sequence[int]) -> FacetMesh:
+    def of(
+        surfaces: Sequence[Surface], tessellations: Sequence[Tessellation], num_vertices: Sequence[int]
+    ) -> FacetMesh:
         """Facets of `surfaces` with `num_vertices` (surface) each, divided by `tessellations`."""
         columns: dict[str, list[Any]] = {name: [] for name in ("faces", "group", "contributes", "surface", "single")}
-        facets: dict[str, list[Any]] = {name: [] for name in ("face_of", "weights", "part", "own", "place", "corners", "single")}
+        facets: dict[str, list[Any]] = {
+            name: [] for name in ("face_of", "weights", "part", "own", "place", "corners", "single")
+        }
         sources, vertex_range, facet_range = [], [], []
         first_vertex = first_face = first_normal = first_facet = 0
         whole = True
@@ -109,7 +114,8 @@ class FacetMesh:
         grain = None
         if any(each.shares is not None for each in tessellations):
             single_grain = np.array([[1.0, 1 / 3, 1 / 3, 1 / 3]])
-            grain = np.concatenate([np.repeat(single_grain, len(each.face), axis=0) if each.shares is None else each.shares
+            grain = np.concatenate([np.repeat(single_grain, len(each.face), axis=0) if each.shares is None else
+            each.shares
                                     for each in tessellations])  # fmt: skip
         meshes = Meshes(
             joined(facets["corners"], none3), joined(facets["single"], none.astype(np.bool_)),
@@ -125,8 +131,8 @@ class FacetMesh:
         )  # fmt: skip
 
     def points(self, vertices: Sequence[FloatArray], viewpoint: FloatArray) -> FloatArray:
-        """(vertex, 3) positions [m] relative to the `viewpoint`, of all vertices with those of the pieces, for `vertices`
-        (vertex, 3) [m] of each surface."""
+        """(vertex, 3) positions [m] relative to the `viewpoint`, of all vertices with those of the pieces, for
+        `vertices` (vertex, 3) [m] of each surface."""
         ranges = self.meshes.vertex_range
         found = np.empty((int(ranges.max(initial=0)), 3))
         for own, (first, last), (ends, weights) in zip(vertices, ranges, self.sources, strict=True):
@@ -151,7 +157,8 @@ class FacetMesh:
 
 @njit(cache=True, nogil=True)
 def facet_centroids(points: Any, corners: Any, chosen: Any, found: Any) -> None:
-    """Centroids into `found` (chosen, 3) of the `chosen` facets with `corners` (facet, 3) among `points` (vertex, 3)."""
+    """Centroids into `found` (chosen, 3) of the `chosen` facets with `corners` (facet, 3) among `points` (vertex,
+    3)."""
     for q in range(chosen.shape[0]):
         f = chosen[q]
         for k in range(3):
@@ -160,9 +167,9 @@ def facet_centroids(points: Any, corners: Any, chosen: Any, found: Any) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def corner_normals(points: Any, faces: Any, group: Any, contributes: Any, normals: Any) -> None:
-    """Unit normals of the groups of face corners into `normals` (normal, 3), which are zero before. Weights are sin / (|a|
-    |b|) of the edges a, b at the corner, exact on a sphere (N. Max, Weights for computing vertex normals from facet
-    normals, Journal of Graphics Tools 4(2), 1999)."""
+    """Unit normals of the groups of face corners into `normals` (normal, 3), which are zero before. Weights are sin /
+    (|a| |b|) of the edges a, b at the corner, exact on a sphere (N. Max, Weights for computing vertex normals from
+    facet normals, Journal of Graphics Tools 4(2), 1999)."""
     for f in range(faces.shape[0]):
         if group[f, 0] < 0:
             continue

@@ -1,7 +1,8 @@
 """Item buffers around moving surfaces: visible fractions of their facets, and their shadows.
 
-Surfaces whose outlines overlap share a view, one that points at them and is as fine as the smaller of them needs; others
-cannot occlude one another. Surfaces around the viewpoint, or far off a view's axis, take the six sides of a cube.
+Surfaces whose outlines overlap share a view, one that points at them and is as fine as the smaller of them needs;
+others cannot occlude one another. Surfaces around the viewpoint, or far off a view's axis, take the six sides of a
+cube.
 """
 
 from __future__ import annotations
@@ -64,8 +65,8 @@ class View:
 
 
 def choose_views(points: Sequence[FloatArray], vertex_range: IntArray, resolution: int) -> list[View]:
-    """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the smallest
-    surface of a view is `resolution` pixels wide or high."""
+    """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the
+    smallest surface of a view is `resolution` pixels wide or high."""
     count = len(vertex_range)
     used = [k for k in range(count) if vertex_range[k, 1] > vertex_range[k, 0]]
     if not used:
@@ -137,8 +138,8 @@ def _cube(surfaces: tuple[int, ...], resolution: int) -> list[View]:
 
 
 class ItemBuffer:
-    """Draws `meshes` at one time after another in the same `views`, before facets at rest with corners (facet, 3, 3) [m]
-    relative to the viewpoint, visible without the surfaces."""
+    """Draws `meshes` at one time after another in the same `views`, before facets at rest with corners (facet, 3, 3)
+    [m] relative to the viewpoint, visible without the surfaces."""
 
     def __init__(self, meshes: Meshes, views: Sequence[View], static: FloatArray) -> None:
         self.meshes, self.views = meshes, tuple(views)
@@ -181,7 +182,8 @@ class ItemBuffer:
             for k in view.surfaces:
                 vertices, facets = slice(*meshes.vertex_range[k]), slice(*meshes.facet_range[k])
                 project(points[vertices], view.axes, self._left[vertices], self._up[vertices], self._inverse[vertices])
-                draw(points, self._left, self._up, self._inverse, view.axes, meshes.corners[facets], meshes.single[facets],
+                draw(points, self._left, self._up, self._inverse, view.axes, meshes.corners[facets],
+                meshes.single[facets],
                      self._first + int(meshes.facet_range[k, 0]), view.origin, view.scale, nearest, items,
                      pixels[facets])  # fmt: skip
             count_items(items, self._first, seen)

@@ -1,7 +1,7 @@
 """Kernels of item buffers: the nearest facet of each pixel, by inverse depth.
 
-A pixel's inverse depth is linear over a flat facet. Points are relative to the viewpoint; a view has rows of unit vectors
-(forward, left, up) and a pixel is at (left / forward, up / forward).
+A pixel's inverse depth is linear over a flat facet. Points are relative to the viewpoint; a view has rows of unit
+vectors (forward, left, up) and a pixel is at (left / forward, up / forward).
 """
 
 from __future__ import annotations
@@ -60,12 +60,17 @@ def project(points: Any, view: Any, left: Any, up: Any, inverse: Any) -> None:
 @njit(cache=True, nogil=True, inline="always")
 def _fill(ax: Any, ay: Any, aw: Any, bx: Any, by: Any, bw: Any, cx: Any, cy: Any, cw: Any, item: Any, nearest: Any,
           items: Any) -> int:  # fmt: skip
-    """Draw one counter-clockwise triangle; returns its number of pixel centres."""
+    """Draw one triangle; returns its number of pixel centres."""
     rows, columns = nearest.shape
     area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-    if area <= 0.0:
+    if area == 0.0:
         return 0
-    first_row, last_row = max(int(np.ceil(min(ay, by, cy) - 0.5)), 0), min(int(np.floor(max(ay, by, cy) - 0.5)), rows - 1)
+    if area < 0.0:  # clockwise
+        area, bx, by, bw, cx, cy, cw = -area, cx, cy, cw, bx, by, bw
+    first_row, last_row = (
+        max(int(np.ceil(min(ay, by, cy) - 0.5)), 0),
+        min(int(np.floor(max(ay, by, cy) - 0.5)), rows - 1),
+    )
     left, right = min(ax, bx, cx), max(ax, bx, cx)
     if right < 0.0 or left > columns:
         return 0
@@ -108,12 +113,12 @@ def draw(
     points: Any, left: Any, up: Any, inverse: Any, view: Any, corners: Any, single: Any, first: int, origin: Any,
     scale: float, nearest: Any, items: Any, pixels: Any,
 ) -> None:  # fmt: skip
-    """Draw facets `corners` (facet, 3) numbered from `first` on into `nearest` inverse depths and `items` (row, column),
-    and add the pixel centres of each to `pixels` (facet,); -1 there means that it faces away.
+    """Draw facets `corners` (facet, 3) numbered from `first` on into `nearest` inverse depths and `items` (row,
+    column), and add the pixel centres of each to `pixels` (facet,); -1 there means that it faces away.
 
-    `left`, `up` and `inverse` (point,) are those of :func:`project`. Facets are `single`-sided (facet,), counter-clockwise
-    from the visible side, or seen from both. `origin` (2,) is the tangent of the corner of pixel 0, `scale` pixels per
-    tangent.
+    `left`, `up` and `inverse` (point,) are those of :func:`project`. Facets are `single`-sided (facet,),
+    counter-clockwise from the visible side, or seen from both. `origin` (2,) is the tangent of the corner of pixel 0,
+    `scale` pixels per tangent.
     """
     polygon, clipped = np.empty((5, 3)), np.empty((5, 3))
     for f in range(corners.shape[0]):
@@ -133,11 +138,7 @@ def draw(
             ax, ay = (left[a] - origin[0]) * scale, (up[a] - origin[1]) * scale
             bx, by = (left[b] - origin[0]) * scale, (up[b] - origin[1]) * scale
             cx, cy = (left[c] - origin[0]) * scale, (up[c] - origin[1]) * scale
-            # Seen along +forward with left and up, front faces turn clockwise or counter-clockwise alike: order by area.
-            if (bx - ax) * (cy - ay) - (cx - ax) * (by - ay) >= 0.0:
-                pixels[f] += _fill(ax, ay, inverse[a], bx, by, inverse[b], cx, cy, inverse[c], first + f, nearest, items)
-            else:
-                pixels[f] += _fill(ax, ay, inverse[a], cx, cy, inverse[c], bx, by, inverse[b], first + f, nearest, items)
+            pixels[f] += _fill(ax, ay, inverse[a], bx, by, inverse[b], cx, cy, inverse[c], first + f, nearest, items)
             continue
         # Clip at the near plane, in view coordinates.
         for k in range(3):
@@ -160,10 +161,7 @@ def draw(
             ax, ay = (clipped[0, 1] * aw - origin[0]) * scale, (clipped[0, 2] * aw - origin[1]) * scale
             bx, by = (clipped[k, 1] * bw - origin[0]) * scale, (clipped[k, 2] * bw - origin[1]) * scale
             cx, cy = (clipped[k + 1, 1] * cw - origin[0]) * scale, (clipped[k + 1, 2] * cw - origin[1]) * scale
-            if (bx - ax) * (cy - ay) - (cx - ax) * (by - ay) >= 0.0:
-                pixels[f] += _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, first + f, nearest, items)
-            else:
-                pixels[f] += _fill(ax, ay, aw, cx, cy, cw, bx, by, bw, first + f, nearest, items)
+            pixels[f] += _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, first + f, nearest, items)
 
 
 @njit(cache=True, nogil=True)
@@ -178,8 +176,8 @@ def count_items(items: Any, first: int, seen: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def count_hidden(before: Any, items: Any, first: int, hidden: Any) -> None:
-    """Add to `hidden` (facet,) the pixels that showed each facet in `before` and show an item from `first` on in `items`
-    (row, column)."""
+    """Add to `hidden` (facet,) the pixels that showed each facet in `before` and show an item from `first` on in
+    `items` (row, column)."""
     for j in range(items.shape[0]):
         for i in range(items.shape[1]):
             if items[j, i] >= first and before[j, i] >= 0:
@@ -187,7 +185,9 @@ def count_hidden(before: Any, items: Any, first: int, hidden: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def see_points(points: Any, view: Any, origin: Any, scale: float, nearest: Any, items: Any, first: int, visible: Any) -> None:
+def see_points(
+    points: Any, view: Any, origin: Any, scale: float, nearest: Any, items: Any, first: int, visible: Any
+) -> None:
     """Set `visible` (point,) to whether no item from `first` on lies before each of `points` (point, 3), where the view
     shows it; others keep their value."""
     rows, columns = nearest.shape
