@@ -77,12 +77,14 @@ class TraceRun:
 
     def plan(self, scene: RunScene, start: float, stop: float) -> RunPlan:
         """Plan for an interval from `start` to `stop` [s]."""
-        if self._span is None or start < self._span[0] - 1e-9 or stop > self._span[1] + 1e-9:
-            return RunPlan.of(scene, start, stop, stop - start, self._cull)
         length = round(stop - start, 9)
-        if length not in self._plans:
-            self._plans[length] = RunPlan.of(scene, *self._span, length, self._cull)
-        return self._plans[length]
+        known = self._plans.get(length)
+        if self._span is not None and start >= self._span[0] - 1e-9 and stop <= self._span[1] + 1e-9:
+            if known is None:
+                known = self._plans[length] = RunPlan.of(scene, *self._span, length, self._cull)
+        elif known is None or not known.holds(start):
+            known = self._plans[length] = RunPlan.of(scene, start, stop, length, self._cull)
+        return known
 
 
 class Tracer:

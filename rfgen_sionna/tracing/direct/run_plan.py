@@ -142,6 +142,8 @@ class RunPlan:
     """That error over the error of predictions of single knots."""
     cull: bool
     """Whether facets that are negligible for the antennas are omitted."""
+    nearest: FloatArray
+    """(surface,) least distance [m] for which the facets are made."""
 
     @staticmethod
     def of(scene: RunScene, start: float, stop: float, length: float, cull: bool = True) -> RunPlan:
@@ -150,7 +152,7 @@ class RunPlan:
         poses = [scene.positions(float(t)) for t in times]
         away = np.array([[_nearest(points, scene.band.viewpoint) for points in pose] for pose in poses])
         closest = [poses[int(np.argmin(away[:, k]))][k] for k in range(len(scene.surfaces))]
-        nearest = float(away.min(initial=np.inf))
+        nearest = away.min(axis=0)
         fastest = int(np.argmax(_speeds(poses))) if len(poses) > 1 else 0
         probes = sorted({float(times[fastest]), float(times[len(times) // 2])})
         planner = _Planner(scene, closest, nearest, probes, cull)
@@ -158,6 +160,12 @@ class RunPlan:
         plan = planner.plan(settings, error)
         starts = [min(t, max(stop - length, start)) for t in probes]
         return plan if length <= 0 else _with_knots(plan, starts, length)
+
+    def holds(self, t: float) -> bool:
+        """Whether the facets fit the distances of all surfaces at `t` [s]."""
+        viewpoint = self.scene.band.viewpoint
+        away = np.array([_nearest(points, viewpoint) for points in self.scene.positions(t)])
+        return bool(((away >= 0.8 * self.nearest) & (away <= 2.0 * self.nearest)).all())
 
     def sample(self, times: Sequence[float]) -> list[Sample]:
         """Samples of the facets at `times` [s]."""
@@ -185,9 +193,10 @@ class _Planner:
     """Chooses settings and expansion at the times `probes` [s]."""
 
     def __init__(
-        self, scene: RunScene, closest: Sequence[FloatArray], nearest: float, probes: Sequence[float], cull: bool
+        self, scene: RunScene, closest: Sequence[FloatArray], nearest: FloatArray, probes: Sequence[float], cull: bool
     ) -> None:
-        self._scene, self._closest, self._nearest, self._probes, self._cull = scene, closest, nearest, probes, cull
+        self._scene, self._closest, self._probes, self._cull = scene, closest, probes, cull
+        self._of_surfaces, self._nearest = nearest, float(nearest.min(initial=np.inf))
         self._plans: dict[Settings, RunPlan] = {}
         band = scene.band
         pairs = len(band.elements[0]) * len(band.elements[1])
@@ -219,7 +228,21 @@ class _Planner:
             centre = scene.nodes(scene.probe_nodes(np.zeros(1), np.zeros(1, np.int32)), self._nearest)
             expansion = scene.band.expansions.through([(0, 0, 0, 0, 0)])
             steep = scene.rtol < 0.03 or not all(each.smooth for each in scene.surfaces)
-            plan = RunPlan(scene, settings, mesh, mesh.surface, expansion, centre, steep, 0.0, 1, 0.0, 0.0, self._cull)
+            plan = RunPlan(
+                scene,
+                settings,
+                mesh,
+                mesh.surface,
+                expansion,
+                centre,
+                steep,
+                0.0,
+                1,
+                0.0,
+                0.0,
+                self._cull,
+                self._of_surfaces,
+            )
             self._plans[settings] = self._with_expansion(plan)
         return replace(self._plans[settings], error=float(np.max(error, initial=0.0)))
 

@@ -14,7 +14,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.tracing.direct.return_bounds import bound_returns, significant
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
-from rfgen_sionna.tracing.visibility.item_buffer import ItemBuffer, choose_views
+from rfgen_sionna.tracing.visibility.item_buffer import ItemBuffer, Resolution, choose_views
 
 Positions = Callable[[float], Sequence[FloatArray]]
 """Time [s] to the (vertex, 3) positions [m] of every moving surface."""
@@ -39,21 +39,21 @@ class Sample:
 @dataclass(frozen=True)
 class Sampler:
     """Samples the facets of a `mesh` with vertices at `positions`, seen from the `viewpoint` (3,) [m] within
-    `max_range` [m], with `resolution` pixels along a surface. Facets at rest, with corners `static` (facet, 3, 3) [m]
+    `max_range` [m], in views of this `resolution`. Facets at rest, with corners `static` (facet, 3, 3) [m]
     relative to the viewpoint, occlude and are occluded."""
 
     mesh: FacetMesh
     positions: Positions
     viewpoint: FloatArray
     max_range: float
-    resolution: int
+    resolution: Resolution
     static: FloatArray
 
     def at(self, times: Sequence[float]) -> list[Sample]:
         """Samples at `times` [s], in common views."""
         mesh = self.mesh
         points = [mesh.points(self.positions(t), self.viewpoint) for t in times]
-        views = choose_views(points, mesh.meshes.vertex_range, self.resolution)
+        views = choose_views(points, mesh.meshes, self.resolution)
         buffer = ItemBuffer(mesh.meshes, views, self.static)
         found = []
         for each in points:

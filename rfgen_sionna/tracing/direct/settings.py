@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-MAX_RESOLUTION = 3072
-"""Largest number of pixels along a surface, for memory."""
+from rfgen_sionna.tracing.visibility.item_buffer import Resolution
+
+MOST_PER_FACET, MAX_OUTLINE = 1e3, 2560
+"""Bounds of the resolution of views, for time and memory."""
 MAX_KNOTS = 513
 """Largest number of knots of an interval."""
 
@@ -18,8 +20,7 @@ class Settings:
 
     facet_rtol: float
     """Tolerance of the tessellation."""
-    resolution: int
-    """Pixels along the longer side of a surface in its view."""
+    resolution: Resolution
     sagitta: float
     """Largest quadratic phase [rad] in the middle of an edge of a piece."""
     omitted: float
@@ -32,7 +33,7 @@ class Settings:
         """For a relative error `rtol` of each actor's return."""
         return Settings(
             facet_rtol=rtol,
-            resolution=int(np.clip(384 * np.sqrt(0.1 / rtol), 256, MAX_RESOLUTION)),
+            resolution=Resolution(min(0.4 / rtol, MOST_PER_FACET), int(min(256 * np.sqrt(0.1 / rtol), MAX_OUTLINE))),
             sagitta=float(np.clip(0.75 * np.sqrt(10.0 * rtol), 0.02, 0.75)),
             omitted=float(min((0.3 * rtol) ** 2, 1e-3)),
             spacing=float(np.clip(10e-3 * (rtol / 0.1) ** 0.25, 2.5e-3, 12e-3)),
@@ -43,7 +44,9 @@ class Settings:
         return replace(
             self,
             facet_rtol=0.25 * self.facet_rtol,
-            resolution=min(2 * self.resolution, MAX_RESOLUTION),
+            resolution=Resolution(
+                min(4 * self.resolution.facet, MOST_PER_FACET), min(2 * self.resolution.outline, MAX_OUTLINE)
+            ),
             sagitta=0.5 * self.sagitta,
             omitted=0.05 * self.omitted,
         )

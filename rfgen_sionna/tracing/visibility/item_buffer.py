@@ -19,6 +19,7 @@ from rfgen_sionna.tracing.visibility.rasterise import (
     count_hidden,
     count_items,
     draw,
+    mean_area,
     project,
     see_points,
     see_small,
@@ -64,9 +65,20 @@ class View:
     """Surfaces that it shows."""
 
 
-def choose_views(points: Sequence[FloatArray], vertex_range: IntArray, resolution: int) -> list[View]:
-    """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the
-    smallest surface of a view is `resolution` pixels wide or high."""
+@dataclass(frozen=True)
+class Resolution:
+    """Pixels of a view."""
+
+    facet: float
+    """Pixels on a facet of a surface's mean size that faces the viewpoint."""
+    outline: int
+    """Least number of pixels along the longer side of a surface."""
+
+
+def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resolution) -> list[View]:
+    """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the smallest
+    surface of a view has this `resolution`."""
+    vertex_range = meshes.vertex_range
     count = len(vertex_range)
     used = [k for k in range(count) if vertex_range[k, 1] > vertex_range[k, 0]]
     if not used:
@@ -78,14 +90,14 @@ def choose_views(points: Sequence[FloatArray], vertex_range: IntArray, resolutio
     axes = _axes(boxes[used].mean(axis=(0, 1)))
     windows = {k: _window([each[slice(*vertex_range[k])] for each in points], axes) for k in used}
     if any(each is None for each in windows.values()):
-        return _cube(tuple(used), resolution)
+        return _cube(tuple(used), 4 * resolution.outline)
+    scales = {k: _scale(points[0], meshes, k, window, axes, resolution) for k, window in windows.items() if window}
     outlines = {k: each for k, each in windows.items() if each is not None}
     views = []
     for cluster in _clusters(outlines):
         low = np.min([outlines[k][0] for k in cluster], axis=0)
         high = np.max([outlines[k][1] for k in cluster], axis=0)
-        extent = min(max(float((outlines[k][1] - outlines[k][0]).max()), 1e-9) for k in cluster)
-        scale = (resolution - 2 * MARGIN) / extent
+        scale = max(scales[k] for k in cluster)
         size = (high - low) * scale + 2 * MARGIN
         if size[0] * size[1] > MAX_PIXELS:
             scale *= np.sqrt(MAX_PIXELS / (size[0] * size[1]))
@@ -93,6 +105,21 @@ def choose_views(points: Sequence[FloatArray], vertex_range: IntArray, resolutio
         rows, columns = int(np.ceil(size[1])), int(np.ceil(size[0]))
         views.append(View(axes, low - MARGIN / scale, float(scale), (rows, columns), tuple(cluster)))
     return views
+
+
+def _scale(
+    points: FloatArray,
+    meshes: Meshes,
+    k: int,
+    window: tuple[FloatArray, FloatArray],
+    axes: FloatArray,
+    resolution: Resolution,
+) -> float:
+    """Pixels per tangent that surface `k` needs, with its outline in the `window`."""
+    extent = max(float((window[1] - window[0]).max()), 1e-9)
+    area = mean_area(points, meshes.corners[slice(*meshes.facet_range[k])], axes)
+    by_facets = np.sqrt(resolution.facet / area) if area > 0 else 0.0
+    return float(max(resolution.outline / extent, by_facets))
 
 
 def _axes(forward: FloatArray) -> FloatArray:
@@ -130,10 +157,10 @@ def _clusters(outlines: dict[int, tuple[FloatArray, FloatArray]]) -> list[list[i
     return sorted(found)
 
 
-def _cube(surfaces: tuple[int, ...], resolution: int) -> list[View]:
-    """Six sides around the viewpoint."""
+def _cube(surfaces: tuple[int, ...], size: int) -> list[View]:
+    """Six sides around the viewpoint, `size` pixels wide."""
     sides = [np.array([s if k == axis else 0.0 for k in range(3)]) for axis in range(3) for s in (1.0, -1.0)]
-    size = min(4 * resolution, int(np.sqrt(MAX_PIXELS)))
+    size = min(size, int(np.sqrt(MAX_PIXELS)))
     return [View(_axes(each), np.array([-1.0, -1.0]), size / 2.0, (size, size), surfaces) for each in sides]
 
 

@@ -43,6 +43,29 @@ def widen_outline(points: Any, view: Any, outline: Any) -> bool:
 
 
 @njit(cache=True, nogil=True)
+def mean_area(points: Any, corners: Any, view: Any) -> float:
+    """Mean projected area [tangent^2] of facets `corners` (facet, 3) that face away or towards, whichever are more."""
+    total, count = np.zeros(2), np.zeros(2)
+    x, y = np.empty(3), np.empty(3)
+    for f in range(corners.shape[0]):
+        before = True
+        for k in range(3):
+            p = corners[f, k]
+            depth = view[0, 0] * points[p, 0] + view[0, 1] * points[p, 1] + view[0, 2] * points[p, 2]
+            before = before and depth > NEAR
+            depth = max(depth, NEAR)
+            x[k] = (view[1, 0] * points[p, 0] + view[1, 1] * points[p, 1] + view[1, 2] * points[p, 2]) / depth
+            y[k] = (view[2, 0] * points[p, 0] + view[2, 1] * points[p, 1] + view[2, 2] * points[p, 2]) / depth
+        area = 0.5 * ((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
+        side = 1 if area > 0.0 else 0
+        if before:
+            total[side] += abs(area)
+            count[side] += 1.0
+    side = 1 if count[1] > count[0] else 0
+    return total[side] / max(count[side], 1.0)
+
+
+@njit(cache=True, nogil=True)
 def project(points: Any, view: Any, left: Any, up: Any, inverse: Any) -> None:
     """Tangents `left`, `up` and `inverse` depth (point,) of `points` (point, 3) in a `view` (3, 3); inverse depth is 0
     for points behind the near plane."""
