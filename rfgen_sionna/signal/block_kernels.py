@@ -1,0 +1,394 @@
+"""Kernels of the block transform (:mod:`rfgen_sionna.signal.block_transform`), compiled by Numba.
+
+Lanes are the Rx elements of a group. Every vector holds one number per lane, in 32 bytes: `LANES` complex numbers of
+single precision, or as many real ones of double precision. Arrays of vectors are flat.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+LANES = 4
+"""Rx elements of a group."""
+POSITIONS = 256
+"""Positions between two cells for which taps are tabulated; first-order terms bridge the rest."""
+DEGREE = 2
+"""Degree of the polynomials in u."""
+_SOURCES = 9
+"""Vectors that are spread: gain, its slopes over u and v, each also times j, its u^2, v^2 and u v coefficients."""
+_BYTES = 32
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _add3(typing_context: Any, out: Any, i: Any, x: Any, j: Any, a: Any, b: Any, c: Any) -> Any:
+    """out[i] += a x[j] + b x[j + 1] + c x[j + 2], for vectors that start at the numbers i of `out` and j of `x`."""
+    number = out.dtype
+    signature = types.void(out, types.intp, x, types.intp, number, number, number)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        target, at, source, first, *factors = arguments
+        length = _BYTES * 8 // number.bitwidth
+        vector = ir.VectorType(context.get_value_type(number), length)
+        flags = ("contract", "nsz")
+
+        def place(kind: Any, array: Any, index: Any) -> Any:
+            data = context.make_array(kind)(context, builder, array).data
+            return builder.bitcast(builder.gep(data, [index]), vector.as_pointer())
+
+        aligned = number.bitwidth // 8
+        into = place(signature.args[0], target, at)
+        total = builder.load(into, align=aligned)
+        for step, factor in enumerate(factors):
+            index = builder.add(first, context.get_constant(types.intp, step * length))
+            value = builder.load(place(signature.args[2], source, index), align=aligned)
+            one = builder.insert_element(ir.Constant(vector, ir.Undefined), factor, ir.Constant(ir.IntType(32), 0))
+            splat = builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(ir.IntType(32), length), [0] * length))
+            total = builder.fadd(total, builder.fmul(splat, value, flags=flags), flags=flags)
+        builder.store(total, into, align=aligned)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def _circle() -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Coefficients in r^2 of cos(2 pi r) and of sin(2 pi r) / r, |r| at most 1/2; they err by 3e-9."""
+    square = 0.125 * (1 - np.cos(np.pi * (np.arange(400) + 0.5) / 400))
+    r = np.sqrt(square)
+    fits = [np.polynomial.Polynomial.fit(square, y, 8, domain=[0, 0.25], window=[0, 0.25]).coef
+            for y in (np.cos(2 * np.pi * r), np.sin(2 * np.pi * r) / r)]  # fmt: skip
+    return tuple(map(float, fits[0])), tuple(map(float, fits[1]))
+
+
+_COS, _SIN = _circle()
+
+
+@njit(inline="always", fastmath=True)  # type: ignore[untyped-decorator]
+def _cos_sin(cycles: float) -> tuple[float, float]:
+    r = cycles - np.floor(cycles + 0.5)
+    q = r * r
+    cosine, sine = _COS[8], _SIN[8]
+    for n in range(7, -1, -1):
+        cosine = cosine * q + _COS[n]
+        sine = sine * q + _SIN[n]
+    return cosine, sine * r
+
+
+_READ4, _READ2 = (types.Array(number, dim, "A", readonly=True) for number, dim in ((types.complex128, 4), (types.float64, 2)))
+_READ5 = types.Array(types.complex128, 5, "A", readonly=True)
+_DELAYS = types.Array(types.float64, 4, "A", readonly=True)
+_FAST = {"contract", "reassoc", "nsz", "arcp"}
+_SCALARS = (types.float64,) * 5
+
+
+@njit(
+    types.void(
+        _READ4, _READ5, _READ2, _DELAYS, types.intp, types.intp, types.float64, types.float64[:, ::1],
+        types.float32[:, :, :, ::1], types.float64[:, :, ::1],
+    ),
+    cache=True, nogil=True, fastmath=_FAST,
+)  # fmt: skip
+def tabulate(a, dispersion, amplitude, tau, tx, first, lower, powers, gains, delays):  # type: ignore[no-untyped-def]
+    """Conjugate gains and delays of one Tx and the Rx from `first` on.
+
+    Writes `gains` (path, order of u, knot, 2 `LANES`) and `delays` (path, knot, `LANES`) [s], the last Rx again in the
+    lanes without one. Values at the paths' knots are `a` (tx, rx, path, knot), `dispersion` (order, tx, rx, path,
+    knot), `amplitude` (path, knot), `tau` (tx, rx, path, knot). The frequency falls by `lower` half bands per second
+    of delay; `powers` (order of u, order) takes powers of the frequency to powers of u.
+    """
+    orders, knots, last = len(dispersion) + 1, tau.shape[3], tau.shape[1] - 1
+    scaled = np.empty(orders, np.complex128)
+    for path in range(tau.shape[2]):
+        for lane in range(LANES):
+            rx = min(first + lane, last)
+            for knot in range(knots):
+                delay, size = tau[tx, rx, path, knot], amplitude[path, knot]
+                delays[path, knot, lane] = delay
+                if first + lane > last:
+                    continue
+                scaled[0] = np.conj(a[tx, rx, path, knot]) * size
+                for n in range(1, orders):
+                    scaled[n] = np.conj(dispersion[n - 1, tx, rx, path, knot]) * size
+                # As in `path_phases.conjugate_gains`: the frequency sent at t - tau.
+                for least in range(orders - 1):
+                    for n in range(orders - 2, least - 1, -1):
+                        scaled[n] += lower * delay * scaled[n + 1]
+                for q in range(DEGREE + 1):
+                    total = 0j
+                    for n in range(orders):
+                        total += powers[q, n] * scaled[n]
+                    gains[path, q, knot, 2 * lane] = total.real
+                    gains[path, q, knot, 2 * lane + 1] = total.imag
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _mean(values: Any, n: int) -> float:
+    return 0.25 * (values[n] + values[n + 1] + values[n + 2] + values[n + 3])
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _interpolate(delays, path, weights, block, out):  # type: ignore[no-untyped-def]
+    """Delay and its derivatives in v, for each lane, from (path, knot, lane) by weights (block, derivative, knot)."""
+    out[:] = 0.0
+    flat, padded = delays.reshape(delays.size), delays.shape[1]
+    for n in range(4):
+        for knot in range(0, padded, 3):
+            _add3(
+                out, LANES * n, flat, (path * padded + knot) * LANES,
+                weights[block, n, knot], weights[block, n, knot + 1], weights[block, n, knot + 2],
+            )  # fmt: skip
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _angles(at, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
+    """Mean over the lanes of the phase's coefficients [rad] of uv, v^2, v^3, u^2 and u v^2."""
+    d, d1, d2, d3 = _mean(at, 0), _mean(at, LANES), _mean(at, 2 * LANES), _mean(at, 3 * LANES)
+    lower, slope = f - mu * d, rate * d1
+    uv = 2 * np.pi * per_u * (mu * d1 + rate * (d2 * lower - mu * d1 * d1))
+    vv = np.pi * (d2 * lower - mu * d1 * d1)
+    vvv = np.pi * (d3 * lower / 3 - mu * d1 * d2)
+    uu = 2 * np.pi * half * half * (mu * slope * (1 - 0.5 * slope) + 0.5 * f * rate * rate * d2)
+    uvv = np.pi * per_u * (mu * d2 + rate * d3 * lower)
+    return uv, vv, vvv, uu, uvv
+
+
+@njit(
+    types.UniTuple(types.float64, 2)(types.float64[:, :, ::1], types.float64[:, :, ::1], *_SCALARS),
+    cache=True, nogil=True, fastmath=_FAST,
+)  # fmt: skip
+def beat_bounds(delays, weights, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
+    """Least and largest beat [cycles over u = 0 … 1] at the middles of the blocks; arguments as :func:`spread`."""
+    low, high, at = np.inf, -np.inf, np.empty(4 * LANES)
+    for block in range(len(weights)):
+        for path in range(len(delays)):
+            _interpolate(delays, path, weights, block, at)
+            d = _mean(at, 0)
+            beat = per_u * (mu * d + rate * _mean(at, LANES) * (f - mu * d))
+            low, high = min(low, beat), max(high, beat)
+    return low, high
+
+
+@njit(
+    types.float64[::1](types.float32[:, :, :, ::1], types.float64[:, :, ::1], types.float64[:, :, ::1], *_SCALARS),
+    cache=True, nogil=True, fastmath=_FAST,
+)  # fmt: skip
+def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
+    """Sums over paths and instants of the squares of what a block leaves out, each of one power of v.
+
+    The first is the power itself; :func:`rfgen_sionna.signal.block_transform.error` has the others' powers.
+    """
+    out, at = np.zeros(12), np.empty(4 * LANES)
+    padded = delays.shape[1]
+    for path in range(len(delays)):
+        for block in range(len(weights)):
+            _interpolate(delays, path, weights, block, at)
+            uv, vv, vvv, uu, uvv = _angles(at, f, mu, per_u, half, rate)
+            g, g1, g2, g3, s = 0.0, 0.0, 0.0, 0.0, 0.0
+            for lane in range(2 * LANES):
+                x, x1, x2, x3, y = 0.0, 0.0, 0.0, 0.0, 0.0
+                for knot in range(padded):
+                    value = gains[path, 0, knot, lane]
+                    x += weights[block, 0, knot] * value
+                    x1 += weights[block, 1, knot] * value
+                    x2 += weights[block, 2, knot] * value
+                    x3 += weights[block, 3, knot] * value
+                    y += weights[block, 0, knot] * gains[path, 1, knot, lane]
+                g += x * x
+                g1 += x1 * x1
+                g2 += 0.25 * x2 * x2
+                g3 += x3 * x3 / 36
+                s += y * y
+            # Deviation of the lanes from their mean.
+            d, d1, over_u, over_v = _mean(at, 0), _mean(at, LANES), 0.0, 0.0
+            for lane in range(LANES):
+                over_u = max(over_u, abs(2 * np.pi * per_u * mu * (at[lane] - d)))
+                over_v = max(over_v, abs(2 * np.pi * f * (at[LANES + lane] - d1)))
+            uv2, vv2, uu2 = uv * uv, vv * vv, uu * uu
+            out[0] += g
+            out[1] += g * uv2 * uv2 * uv2 / 36 / 49 + g1 * uv2 * uv2 / 4 / 35 + g2 * uv2 / 21
+            out[2] += g * vv2 * vv2 / 4
+            out[3] += g * vv2 * vv2 * vv2 / 36 / 13
+            out[4] += g * (vvv * vvv + uv2 * vv2 / 3) + g1 * vv2
+            out[5] += g * uv2 * uv2 * vv2 / 4 / 45 + g2 * vv2 / 9
+            out[6] += g * uu2 * uu2 * uu2 / 36 / 13 + s * uu2 * uu2 / 4 / 11 + g * over_u**6 / 36 / 7
+            out[7] += g * over_v**6 / 36 / 7 + g3 / 7
+            out[8] += g * over_u**4 / 4 * (uu2 / 9) + s * over_u**4 / 4 / 7
+            out[9] += s * uv2 * uv2 / 4 / 35 + g * over_u**4 / 4 * uv2 / 21
+            out[10] += g * uvv * uvv * uv2 / 35
+            out[11] += g1 * vv2 * vv2 / 4 / 11
+    return out
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _put(terms, p, q, source, turned, value):  # type: ignore[no-untyped-def]
+    """Add `value` times a source, or j times it if `turned`, to the coefficient of v^p u^q; odd powers have taps over j."""
+    quarter = (p & 1) + (q & 1) + turned
+    terms[q, p, source + (quarter & 1)] += np.float32(-value if quarter > 1 else value)
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _put_v(terms, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
+    """:func:`_put` of a power p of v that may be beyond the highest."""
+    if p < terms.shape[1]:
+        _put(terms, p, q, source, turned, value)
+    else:
+        for lower in range(DEGREE + 1):
+            _put(terms, lower, q, source, turned, value * reduction[p, lower])
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _put_u(terms, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
+    """:func:`_put` of a power q of u beyond `DEGREE`."""
+    for lower in range(DEGREE + 1):
+        _put(terms, p, lower, source, turned, value * reduction[q, lower])
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _expand(terms, angles, over_v, over_u):  # type: ignore[no-untyped-def]
+    """Products of the sources G, G1 u and H v with exp(j angle) to the second order, into (q, p, source)."""
+    uv, vv, vvv, uu, uvv = angles
+    terms[:] = np.float32(0)
+    g, g1, h = 0, 2, 4
+    _put(terms, 0, 0, g, 0, 1.0)
+    _put(terms, 1, 1, g, 1, uv)
+    _put(terms, 2, 0, g, 1, vv)
+    _put(terms, 0, 2, g, 1, uu)
+    _put(terms, 2, 1, g, 1, uvv)
+    _put_v(terms, 3, 0, g, 1, vvv, over_v)
+    _put(terms, 2, 2, g, 0, -0.5 * uv * uv - vv * uu)
+    _put_v(terms, 4, 0, g, 0, -0.5 * vv * vv, over_v)
+    _put_v(terms, 3, 1, g, 0, -uv * vv, over_v)
+    _put_u(terms, 1, 3, g, 0, -uv * uu, over_u)
+    _put_u(terms, 0, 4, g, 0, -0.5 * uu * uu, over_u)
+    _put(terms, 0, 1, g1, 0, 1.0)
+    _put(terms, 1, 2, g1, 1, uv)
+    _put(terms, 2, 1, g1, 1, vv)
+    _put_u(terms, 0, 3, g1, 1, uu, over_u)
+    _put(terms, 1, 0, h, 0, 1.0)
+    _put(terms, 2, 1, h, 1, uv)
+    _put(terms, 1, 2, h, 1, uu)
+    _put_v(terms, 3, 0, h, 1, vv, over_v)
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _gains(gains, path, weights, block, within, x):  # type: ignore[no-untyped-def]
+    """Gain (0), slope over u (2) and over v (4), coefficients of u^2 (6), v^2 (7) and u v (8), into the vectors x."""
+    x[:] = np.float32(0)
+    flat, padded, vector = gains.reshape(gains.size), gains.shape[2], 2 * LANES
+    first = path * (DEGREE + 1) * padded
+    for target, order, derivative, scale in ((0, 0, 0, 1.0), (2, 1, 0, 1.0), (2, 0, 1, within), (4, 0, 1, 1.0),
+                                             (6, 2, 0, 1.0), (7, 0, 2, 0.5), (8, 1, 1, 1.0), (8, 0, 2, within)):  # fmt: skip
+        for knot in range(0, padded, 3):
+            _add3(
+                x, target * vector, flat, (first + order * padded + knot) * vector,
+                np.float32(scale * weights[block, derivative, knot]),
+                np.float32(scale * weights[block, derivative, knot + 1]),
+                np.float32(scale * weights[block, derivative, knot + 2]),
+            )  # fmt: skip
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _turn(x, lane, cycles, over_u, over_v):  # type: ignore[no-untyped-def]
+    """Turn a lane of the sources by its phase and expand its deviations [rad] over u and v to the second order."""
+    cosine, sine = _cos_sin(cycles)
+    turn = np.complex64(complex(cosine, sine))
+    c, vector = 2 * lane, 2 * LANES
+    u, v = np.float32(over_u), np.float32(over_v)
+    g = turn * np.complex64(complex(x[c], x[c + 1]))
+    g1 = turn * np.complex64(complex(x[2 * vector + c], x[2 * vector + c + 1]))
+    h = turn * np.complex64(complex(x[4 * vector + c], x[4 * vector + c + 1]))
+    uu = turn * np.complex64(complex(x[6 * vector + c], x[6 * vector + c + 1]))
+    vv = turn * np.complex64(complex(x[7 * vector + c], x[7 * vector + c + 1]))
+    uv = turn * np.complex64(complex(x[8 * vector + c], x[8 * vector + c + 1]))
+    j, half = np.complex64(1j), np.float32(0.5)
+    ju, jv = j * u, j * v
+    uu += ju * g1 - half * u * u * g
+    vv += jv * h - half * v * v * g
+    uv += ju * h + jv * g1 - u * v * g
+    g1 += ju * g
+    h += jv * g
+    for n, value in ((0, g), (2, g1), (4, h), (6, uu), (7, vv), (8, -uv)):
+        x[n * vector + c], x[n * vector + c + 1] = value.real, value.imag
+    for n, value in ((1, g), (3, g1), (5, h)):
+        x[n * vector + c], x[n * vector + c + 1] = -value.imag, value.real
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _place(turns, taps):  # type: ignore[no-untyped-def]
+    """First cell of an even or odd number of taps, and the tabulated position and its turns, of a point of `turns` per
+    unit of v or u: four cells a turn."""
+    shift = 0.5 * POSITIONS * (taps & 1)
+    steps = np.floor(4 * POSITIONS * turns + shift)
+    cell = np.floor(steps / POSITIONS)
+    first = np.intp(cell) - (taps - 1) // 2
+    return first, np.intp(steps - POSITIONS * cell), (steps + 0.5 - shift) / (4 * POSITIONS)
+
+
+@njit(
+    types.void(
+        types.float32[:, :, :, ::1], types.float64[:, :, ::1], types.float64[:, :, ::1], *_SCALARS,
+        types.float32[:, :, ::1], types.float32[:, :, ::1], types.float64[:, ::1], types.float64[:, ::1],
+        types.intp, types.intp, types.float32[:, :, :, ::1],
+    ),
+    cache=True, nogil=True, fastmath=_FAST,
+)  # fmt: skip
+def spread(  # type: ignore[no-untyped-def]
+    gains, delays, weights, f, mu, per_u, half, rate, doppler_taps, beat_taps, over_v, over_u, first, period, grid
+):
+    """Add all paths to `grid` (block, Doppler, beat, 2 `LANES`), whose beats begin at the cell `first` and repeat after
+    `period` cells, if that is not 0.
+
+    `gains` and `delays` are those of :func:`tabulate`, padded to a multiple of three knots; `weights` (block,
+    derivative in v, knot) interpolate them at the middles of the blocks. `f` [Hz] is the frequency there, `mu` the
+    slope [Hz/s], `per_u` half the ADC window in whole samples [s], `half` the same of the parameter u [s], `rate` the
+    change of v per second. Taps are (position, power, tap); `over_v` and `over_u` (power, lower power) reduce powers.
+    """
+    vector, powers = 2 * LANES, doppler_taps.shape[1]
+    sources, terms = np.empty((_SOURCES + 3) * vector, np.float32), np.empty((DEGREE + 1, powers, 6), np.float32)
+    folded = np.empty((DEGREE + 1) * powers * vector, np.float32)
+    line = np.empty((DEGREE + 1) * vector, np.float32)
+    at, flat = np.empty(4 * LANES), grid.reshape(grid.size)
+    dopplers, beats = grid.shape[1], grid.shape[2]
+    rows, columns = doppler_taps.shape[2], beat_taps.shape[2]
+    one, none = np.float32(1), np.float32(0)
+    for block in range(len(weights)):
+        for path in range(len(delays)):
+            _interpolate(delays, path, weights, block, at)
+            d, d1 = _mean(at, 0), _mean(at, LANES)
+            row, d_place, v_turns = _place(d1 * (f - mu * d), rows)
+            column, b_place, u_turns = _place(per_u * (mu * d + rate * d1 * (f - mu * d)), columns)
+            column = column % period if period else column - first
+            _gains(gains, path, weights, block, half * rate, sources)
+            for lane in range(LANES):
+                own, own1 = at[lane], at[LANES + lane]
+                over_u_turns = per_u * (mu * own + rate * own1 * (f - mu * own)) - u_turns
+                over_v_turns = own1 * (f - mu * own) - v_turns
+                _turn(sources, lane, own * (f - 0.5 * mu * own), 2 * np.pi * over_u_turns, 2 * np.pi * over_v_turns)
+            _expand(terms, _angles(at, f, mu, per_u, half, rate), over_v, over_u)
+            folded[:] = none
+            for n in range((DEGREE + 1) * powers):
+                q, p = n // powers, n % powers
+                s = terms[q, p]
+                _add3(folded, n * vector, sources, 0, s[0], s[1], s[2])
+                _add3(folded, n * vector, sources, 3 * vector, s[3], s[4], s[5])
+            _add3(folded, 2 * powers * vector, sources, 6 * vector, one, none, none)
+            _add3(folded, 2 * vector, sources, 7 * vector, one, none, none)
+            _add3(folded, (powers + 1) * vector, sources, 8 * vector, one, none, none)
+            for tap in range(rows):
+                target = ((block * dopplers + (row + tap) % dopplers) * beats + column) * vector
+                line[:] = none
+                for q in range(DEGREE + 1):
+                    for p in range(0, powers, 3):
+                        _add3(
+                            line, q * vector, folded, (q * powers + p) * vector, doppler_taps[d_place, p, tap],
+                            doppler_taps[d_place, p + 1, tap], doppler_taps[d_place, p + 2, tap],
+                        )  # fmt: skip
+                for k in range(columns):
+                    _add3(
+                        flat, target + k * vector, line, 0,
+                        beat_taps[b_place, 0, k], beat_taps[b_place, 1, k], beat_taps[b_place, 2, k],
+                    )  # fmt: skip
