@@ -22,6 +22,19 @@ DEGREE = 2
 _SOURCES = 9
 """Vectors that are spread: gain, its slopes over u and v, each also times j, its u^2, v^2 and u v coefficients."""
 _BYTES = 32
+_FUSED = ("contract", "nsz")
+
+
+def _vector(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> tuple[Any, Any]:
+    """Pointer to the vector that starts at a number of an array, and its type."""
+    number = kind.dtype
+    vector = ir.VectorType(context.get_value_type(number), _BYTES * 8 // number.bitwidth)
+    data = context.make_array(kind)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [index]), vector.as_pointer()), vector
+
+
+def _shuffled(builder: Any, value: Any, lanes: list[int]) -> Any:
+    return builder.shuffle_vector(value, value, ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes))
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -32,24 +45,36 @@ def _add3(typing_context: Any, out: Any, i: Any, x: Any, j: Any, a: Any, b: Any,
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         target, at, source, first, *factors = arguments
-        length = _BYTES * 8 // number.bitwidth
-        vector = ir.VectorType(context.get_value_type(number), length)
-        flags = ("contract", "nsz")
-
-        def place(kind: Any, array: Any, index: Any) -> Any:
-            data = context.make_array(kind)(context, builder, array).data
-            return builder.bitcast(builder.gep(data, [index]), vector.as_pointer())
-
+        into, vector = _vector(context, builder, signature.args[0], target, at)
         aligned = number.bitwidth // 8
-        into = place(signature.args[0], target, at)
         total = builder.load(into, align=aligned)
         for step, factor in enumerate(factors):
-            index = builder.add(first, context.get_constant(types.intp, step * length))
-            value = builder.load(place(signature.args[2], source, index), align=aligned)
+            index = builder.add(first, context.get_constant(types.intp, step * vector.count))
+            value = builder.load(_vector(context, builder, signature.args[2], source, index)[0], align=aligned)
             one = builder.insert_element(ir.Constant(vector, ir.Undefined), factor, ir.Constant(ir.IntType(32), 0))
-            splat = builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(ir.IntType(32), length), [0] * length))
-            total = builder.fadd(total, builder.fmul(splat, value, flags=flags), flags=flags)
+            splat = _shuffled(builder, one, [0] * vector.count)
+            total = builder.fadd(total, builder.fmul(splat, value, flags=_FUSED), flags=_FUSED)
         builder.store(total, into, align=aligned)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _multiply_add(typing_context: Any, out: Any, i: Any, x: Any, j: Any, y: Any, k: Any) -> Any:
+    """out[i] += x[j] y[k] for vectors of complex numbers, all of single precision."""
+    signature = types.void(out, types.intp, x, types.intp, y, types.intp)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        places = [_vector(context, builder, signature.args[n], *arguments[n : n + 2])[0] for n in (0, 2, 4)]
+        total, x, y = (builder.load(place, align=4) for place in places)
+        even = range(0, 2 * LANES, 2)
+        real, imaginary = (_shuffled(builder, y, [n + part for n in even for _ in range(2)]) for part in range(2))
+        signs = ir.Constant(x.type, [-1.0, 1.0] * LANES)
+        across = builder.fmul(_shuffled(builder, x, [n + part for n in even for part in (1, 0)]), signs)
+        for value, factor in ((x, real), (across, imaginary)):
+            total = builder.fadd(total, builder.fmul(value, factor, flags=_FUSED), flags=_FUSED)
+        builder.store(total, places[0], align=4)
         return context.get_dummy_value()
 
     return signature, generate
@@ -101,25 +126,29 @@ def tabulate(a, dispersion, amplitude, tau, tx, first, lower, powers, gains, del
     of delay; `powers` (order of u, order) takes powers of the frequency to powers of u.
     """
     orders, knots, last = len(dispersion) + 1, tau.shape[3], tau.shape[1] - 1
-    scaled = np.empty(orders, np.complex128)
-    for path in range(tau.shape[2]):
+    kept, scaled = min(orders, DEGREE + 1), np.empty(orders, np.complex128)
+    for path in range(len(delays)):
         for lane in range(LANES):
             rx = min(first + lane, last)
+            of_tau = tau[tx, rx, path]
             for knot in range(knots):
-                delay, size = tau[tx, rx, path, knot], amplitude[path, knot]
-                delays[path, knot, lane] = delay
-                if first + lane > last:
-                    continue
-                scaled[0] = np.conj(a[tx, rx, path, knot]) * size
+                delays[path, knot, lane] = of_tau[knot]
+            if first + lane > last:
+                continue
+            of_a = a[tx, rx, path]
+            for knot in range(knots):
+                size = amplitude[path, knot]
+                scaled[0] = of_a[knot].conjugate() * size
                 for n in range(1, orders):
-                    scaled[n] = np.conj(dispersion[n - 1, tx, rx, path, knot]) * size
+                    scaled[n] = dispersion[n - 1, tx, rx, path, knot].conjugate() * size
                 # As in `path_phases.conjugate_gains`: the frequency sent at t - tau.
+                less = lower * of_tau[knot]
                 for least in range(orders - 1):
                     for n in range(orders - 2, least - 1, -1):
-                        scaled[n] += lower * delay * scaled[n + 1]
-                for q in range(DEGREE + 1):
-                    total = 0j
-                    for n in range(orders):
+                        scaled[n] += less * scaled[n + 1]
+                for q in range(kept):
+                    total = powers[q, 0] * scaled[0]
+                    for n in range(1, orders):
                         total += powers[q, n] * scaled[n]
                     gains[path, q, knot, 2 * lane] = total.real
                     gains[path, q, knot, 2 * lane + 1] = total.imag
@@ -131,16 +160,36 @@ def _mean(values: Any, n: int) -> float:
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
-def _interpolate(delays, path, weights, block, out):  # type: ignore[no-untyped-def]
-    """Delay and its derivatives in v, for each lane, from (path, knot, lane) by weights (block, derivative, knot)."""
+def _interpolate(flat, path, weights, block, derivatives, out):  # type: ignore[no-untyped-def]
+    """Delay and its `derivatives` in v, for each lane, from flat (path, knot, lane) by weights (block, derivative, knot)."""
     out[:] = 0.0
-    flat, padded = delays.reshape(delays.size), delays.shape[1]
-    for n in range(4):
+    padded = weights.shape[2]
+    for n in range(derivatives + 1):
         for knot in range(0, padded, 3):
             _add3(
                 out, LANES * n, flat, (path * padded + knot) * LANES,
                 weights[block, n, knot], weights[block, n, knot + 1], weights[block, n, knot + 2],
             )  # fmt: skip
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _interpolate_gains(x, target, flat, path, order, weights, row):  # type: ignore[no-untyped-def]
+    """Add the gains of an `order`, with a row of the single-precision weights (row, knot), to the vector `target`."""
+    padded, vector = weights.shape[1], 2 * LANES
+    first = (path * (DEGREE + 1) + order) * padded
+    for knot in range(0, padded, 3):
+        _add3(
+            x, target * vector, flat, (first + knot) * vector,
+            weights[row, knot], weights[row, knot + 1], weights[row, knot + 2],
+        )  # fmt: skip
+
+
+@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+def _power(x, target):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for n in range(2 * LANES * target, 2 * LANES * (target + 1)):
+        total += np.float64(x[n]) * np.float64(x[n])
+    return total
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
@@ -162,10 +211,10 @@ def _angles(at, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
 )  # fmt: skip
 def beat_bounds(delays, weights, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
     """Least and largest beat [cycles over u = 0 … 1] at the middles of the blocks; arguments as :func:`spread`."""
-    low, high, at = np.inf, -np.inf, np.empty(4 * LANES)
+    low, high, at, flat = np.inf, -np.inf, np.empty(4 * LANES), delays.reshape(delays.size)
     for block in range(len(weights)):
         for path in range(len(delays)):
-            _interpolate(delays, path, weights, block, at)
+            _interpolate(flat, path, weights, block, 1, at)
             d = _mean(at, 0)
             beat = per_u * (mu * d + rate * _mean(at, LANES) * (f - mu * d))
             low, high = min(low, beat), max(high, beat)
@@ -181,27 +230,18 @@ def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[n
 
     The first is the power itself; :func:`rfgen_sionna.signal.block_transform.error` has the others' powers.
     """
-    out, at = np.zeros(12), np.empty(4 * LANES)
-    padded = delays.shape[1]
-    for path in range(len(delays)):
-        for block in range(len(weights)):
-            _interpolate(delays, path, weights, block, at)
+    out, at, x = np.zeros(12), np.empty(4 * LANES), np.empty(10 * LANES, np.float32)
+    flat, flat_gains = delays.reshape(delays.size), gains.reshape(gains.size)
+    for block in range(len(weights)):
+        single = weights[block].astype(np.float32)
+        for path in range(len(delays)):
+            _interpolate(flat, path, weights, block, 3, at)
             uv, vv, vvv, uu, uvv = _angles(at, f, mu, per_u, half, rate)
-            g, g1, g2, g3, s = 0.0, 0.0, 0.0, 0.0, 0.0
-            for lane in range(2 * LANES):
-                x, x1, x2, x3, y = 0.0, 0.0, 0.0, 0.0, 0.0
-                for knot in range(padded):
-                    value = gains[path, 0, knot, lane]
-                    x += weights[block, 0, knot] * value
-                    x1 += weights[block, 1, knot] * value
-                    x2 += weights[block, 2, knot] * value
-                    x3 += weights[block, 3, knot] * value
-                    y += weights[block, 0, knot] * gains[path, 1, knot, lane]
-                g += x * x
-                g1 += x1 * x1
-                g2 += 0.25 * x2 * x2
-                g3 += x3 * x3 / 36
-                s += y * y
+            x[:] = np.float32(0)
+            for n in range(4):
+                _interpolate_gains(x, n, flat_gains, path, 0, single, n)
+            _interpolate_gains(x, 4, flat_gains, path, 1, single, 0)
+            g, g1, g2, g3, s = _power(x, 0), _power(x, 1), _power(x, 2) / 4, _power(x, 3) / 36, _power(x, 4)
             # Deviation of the lanes from their mean.
             d, d1, over_u, over_v = _mean(at, 0), _mean(at, LANES), 0.0, 0.0
             for lane in range(LANES):
@@ -275,46 +315,29 @@ def _expand(terms, angles, over_v, over_u):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
-def _gains(gains, path, weights, block, within, x):  # type: ignore[no-untyped-def]
-    """Gain (0), slope over u (2) and over v (4), coefficients of u^2 (6), v^2 (7) and u v (8), into the vectors x."""
+def _turned(raw, factors, x):  # type: ignore[no-untyped-def]
+    """Sources x from the gain (0), its slopes over u (1) and v (2), and its coefficients of u^2, v^2 and u v (3 … 5).
+
+    `factors` are the phasor (0) and the lanes' deviations from the mean [rad] over u and v, times j (1, 2).
+    """
+    v = 2 * LANES
     x[:] = np.float32(0)
-    flat, padded, vector = gains.reshape(gains.size), gains.shape[2], 2 * LANES
-    first = path * (DEGREE + 1) * padded
-    for target, order, derivative, scale in ((0, 0, 0, 1.0), (2, 1, 0, 1.0), (2, 0, 1, within), (4, 0, 1, 1.0),
-                                             (6, 2, 0, 1.0), (7, 0, 2, 0.5), (8, 1, 1, 1.0), (8, 0, 2, within)):  # fmt: skip
-        for knot in range(0, padded, 3):
-            _add3(
-                x, target * vector, flat, (first + order * padded + knot) * vector,
-                np.float32(scale * weights[block, derivative, knot]),
-                np.float32(scale * weights[block, derivative, knot + 1]),
-                np.float32(scale * weights[block, derivative, knot + 2]),
-            )  # fmt: skip
-
-
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
-def _turn(x, lane, cycles, over_u, over_v):  # type: ignore[no-untyped-def]
-    """Turn a lane of the sources by its phase and expand its deviations [rad] over u and v to the second order."""
-    cosine, sine = _cos_sin(cycles)
-    turn = np.complex64(complex(cosine, sine))
-    c, vector = 2 * lane, 2 * LANES
-    u, v = np.float32(over_u), np.float32(over_v)
-    g = turn * np.complex64(complex(x[c], x[c + 1]))
-    g1 = turn * np.complex64(complex(x[2 * vector + c], x[2 * vector + c + 1]))
-    h = turn * np.complex64(complex(x[4 * vector + c], x[4 * vector + c + 1]))
-    uu = turn * np.complex64(complex(x[6 * vector + c], x[6 * vector + c + 1]))
-    vv = turn * np.complex64(complex(x[7 * vector + c], x[7 * vector + c + 1]))
-    uv = turn * np.complex64(complex(x[8 * vector + c], x[8 * vector + c + 1]))
-    j, half = np.complex64(1j), np.float32(0.5)
-    ju, jv = j * u, j * v
-    uu += ju * g1 - half * u * u * g
-    vv += jv * h - half * v * v * g
-    uv += ju * h + jv * g1 - u * v * g
-    g1 += ju * g
-    h += jv * g
-    for n, value in ((0, g), (2, g1), (4, h), (6, uu), (7, vv), (8, -uv)):
-        x[n * vector + c], x[n * vector + c + 1] = value.real, value.imag
-    for n, value in ((1, g), (3, g1), (5, h)):
-        x[n * vector + c], x[n * vector + c + 1] = -value.imag, value.real
+    for source, n in ((0, 0), (2, 1), (4, 2), (6, 3), (7, 4), (8, 5)):
+        _multiply_add(x, source * v, raw, n * v, factors, 0)
+    # Deviations to the second order: (1 + j over + (j over)^2 / 2) times the gain.
+    raw[: 2 * v] = np.float32(0)
+    for n in range(2):
+        _multiply_add(raw, n * v, x, 0, factors, (n + 1) * v)
+    half, none = np.float32(0.5), np.float32(0)
+    _multiply_add(x, 8 * v, x, 4 * v, factors, v)
+    _multiply_add(x, 8 * v, x, 2 * v, factors, 2 * v)
+    _multiply_add(x, 8 * v, raw, 0, factors, 2 * v)
+    for n in range(2):
+        _add3(x, (2 + 2 * n) * v, raw, n * v, half, none, none)
+        _multiply_add(x, (6 + n) * v, x, (2 + 2 * n) * v, factors, (n + 1) * v)
+        _add3(x, (2 + 2 * n) * v, raw, n * v, half, none, none)
+    for n in range(3):
+        _multiply_add(x, (2 * n + 1) * v, x, 2 * n * v, factors, 3 * v)
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
@@ -348,38 +371,57 @@ def spread(  # type: ignore[no-untyped-def]
     change of v per second. Taps are (position, power, tap); `over_v` and `over_u` (power, lower power) reduce powers.
     """
     vector, powers = 2 * LANES, doppler_taps.shape[1]
-    sources, terms = np.empty((_SOURCES + 3) * vector, np.float32), np.empty((DEGREE + 1, powers, 6), np.float32)
-    folded = np.empty((DEGREE + 1) * powers * vector, np.float32)
-    line = np.empty((DEGREE + 1) * vector, np.float32)
+    raw, sources = np.empty(6 * vector, np.float32), np.empty((_SOURCES + 2) * vector, np.float32)
+    factors = np.zeros(4 * vector, np.float32)
+    factors[3 * vector + 1 :: 2] = 1
+    terms = np.empty((DEGREE + 1, powers, 6), np.float32)
+    folded, line = np.empty((DEGREE + 1) * powers * vector, np.float32), np.empty((DEGREE + 1) * vector, np.float32)
     at, flat = np.empty(4 * LANES), grid.reshape(grid.size)
+    flat_delays, flat_gains = delays.reshape(delays.size), gains.reshape(gains.size)
     dopplers, beats = grid.shape[1], grid.shape[2]
     rows, columns = doppler_taps.shape[2], beat_taps.shape[2]
-    one, none = np.float32(1), np.float32(0)
+    one, none, single = np.float32(1), np.float32(0), np.empty((5, weights.shape[2]), np.float32)
     for block in range(len(weights)):
+        # Value, slope, v^2 coefficient; slope over u and u v coefficient of what changes within the window.
+        for n, derivative, scale in ((0, 0, 1.0), (1, 1, 1.0), (2, 2, 0.5), (3, 1, half * rate), (4, 2, half * rate)):
+            single[n] = scale * weights[block, derivative]
         for path in range(len(delays)):
-            _interpolate(delays, path, weights, block, at)
+            _interpolate(flat_delays, path, weights, block, 3, at)
             d, d1 = _mean(at, 0), _mean(at, LANES)
             row, d_place, v_turns = _place(d1 * (f - mu * d), rows)
             column, b_place, u_turns = _place(per_u * (mu * d + rate * d1 * (f - mu * d)), columns)
             column = column % period if period else column - first
-            _gains(gains, path, weights, block, half * rate, sources)
+            raw[:] = none
+            _interpolate_gains(raw, 0, flat_gains, path, 0, single, 0)
+            _interpolate_gains(raw, 1, flat_gains, path, 1, single, 0)
+            _interpolate_gains(raw, 1, flat_gains, path, 0, single, 3)
+            _interpolate_gains(raw, 2, flat_gains, path, 0, single, 1)
+            _interpolate_gains(raw, 3, flat_gains, path, 2, single, 0)
+            _interpolate_gains(raw, 4, flat_gains, path, 0, single, 2)
+            _interpolate_gains(raw, 5, flat_gains, path, 1, single, 1)
+            _interpolate_gains(raw, 5, flat_gains, path, 0, single, 4)
             for lane in range(LANES):
-                own, own1 = at[lane], at[LANES + lane]
-                over_u_turns = per_u * (mu * own + rate * own1 * (f - mu * own)) - u_turns
-                over_v_turns = own1 * (f - mu * own) - v_turns
-                _turn(sources, lane, own * (f - 0.5 * mu * own), 2 * np.pi * over_u_turns, 2 * np.pi * over_v_turns)
+                own, doppler = at[lane], at[LANES + lane] * (f - mu * at[lane])
+                cosine, sine = _cos_sin(own * (f - 0.5 * mu * own))
+                factors[2 * lane] = cosine
+                factors[2 * lane + 1] = sine
+                factors[vector + 2 * lane + 1] = 2 * np.pi * (per_u * (mu * own + rate * doppler) - u_turns)
+                factors[2 * vector + 2 * lane + 1] = 2 * np.pi * (doppler - v_turns)
+            _turned(raw, factors, sources)
             _expand(terms, _angles(at, f, mu, per_u, half, rate), over_v, over_u)
             folded[:] = none
-            for n in range((DEGREE + 1) * powers):
-                q, p = n // powers, n % powers
-                s = terms[q, p]
-                _add3(folded, n * vector, sources, 0, s[0], s[1], s[2])
-                _add3(folded, n * vector, sources, 3 * vector, s[3], s[4], s[5])
+            for q in range(DEGREE + 1):
+                for p in range(powers):
+                    s, n = terms[q, p], (q * powers + p) * vector
+                    _add3(folded, n, sources, 0, s[0], s[1], s[2])
+                    _add3(folded, n, sources, 3 * vector, s[3], s[4], s[5])
             _add3(folded, 2 * powers * vector, sources, 6 * vector, one, none, none)
             _add3(folded, 2 * vector, sources, 7 * vector, one, none, none)
-            _add3(folded, (powers + 1) * vector, sources, 8 * vector, one, none, none)
+            _add3(folded, (powers + 1) * vector, sources, 8 * vector, -one, none, none)
+            row %= dopplers
             for tap in range(rows):
-                target = ((block * dopplers + (row + tap) % dopplers) * beats + column) * vector
+                target = ((block * dopplers + row) * beats + column) * vector
+                row = row + 1 if row + 1 < dopplers else 0
                 line[:] = none
                 for q in range(DEGREE + 1):
                     for p in range(0, powers, 3):

@@ -35,6 +35,8 @@ _FEW, _MANY = 3, 6  # powers of v, without and with the square of the curvature
 _TAPS_SHARE, _BLOCK_SHARE = 0.35, 0.7  # of the tolerance: either interpolation, and the terms left out
 _INSTANTS = 6  # at which the error is estimated
 _CELLS = 1 << 19  # vectors of a grid, 16 MB
+_EXPONENTS = np.array([0, 6, 8, 12, 6, 8, 0, 6, 0, 4, 6, 10])
+"""Powers of the number of loops with which the moments grow."""
 _DENSE = 0.75  # beats per sample below which a matrix product is faster than FFTs
 
 
@@ -112,7 +114,7 @@ class _Groups:
         if paths.dispersion is not None:
             self.powers = frequency_powers(radar, paths, window, len(paths.dispersion) + 1)
             self.lower = -wave.slope / paths.half_band
-        self.over_u = _reduction(window.u, len(self.powers) + 2, 3)
+        self.over_u = _reduction(window.count, max(len(self.powers), 5))
         # f, mu, per_u, half
         self.scalars = (
             wave.start_frequency + wave.slope * window.middle, wave.slope, 0.5 * window.count * window.step, window.half,
@@ -158,15 +160,10 @@ class _Groups:
         """Relative error of powers of u beyond the second in the gain, of the first element pair."""
         if len(self.powers) <= 3 or self.paths.dispersion is None:
             return 0.0
-        u = self.window.u
         held = max(float(np.linalg.norm(self.paths.a[0, 0])), 1e-300)
         sizes = [1.0, *(float(np.linalg.norm(each[0, 0])) / held for each in self.paths.dispersion)]
-        of_powers = np.abs(self.powers) @ np.array(sizes)
-        return sum(
-            float(size) * _rms(u**n - np.vander(u, 3, increasing=True) @ self.over_u[n])
-            for n, size in enumerate(of_powers)
-            if n > 2
-        )
+        count, of_powers = len(self.powers), np.abs(self.powers) @ np.array(sizes)
+        return sum(float(of_powers[n]) * _rms_left(self.window.count, max(count, 5), n) for n in range(3, count))
 
     def samples(self, tables: _Tables, entry: int, plan: Plan) -> ComplexArray:
         """(chirp, lane, sample)"""
@@ -184,10 +181,10 @@ class _Groups:
         if beats > 2 * count + plan.beat_taps:
             first, beats, period = 0, 2 * count + plan.beat_taps, 2 * count
         dopplers = 2 * plan.loops if plan.loops > 1 else 1
-        over_v = _reduction((np.arange(plan.loops) - plan.loops // 2) / (0.5 * plan.loops), 5, 3)
+        over_v = _reduction(plan.loops, 5)
         taps = _taps(plan.doppler_taps, plan.powers), _taps(plan.beat_taps, 3)
         step = max(1, _CELLS // (dopplers * beats))
-        out = np.empty((blocks, plan.loops, LANES, count), np.complex64)
+        found = []
         for block in range(0, blocks, step):
             own = weights[block : block + step]
             grid = np.zeros((len(own), dopplers, beats, 2 * LANES), np.float32)
@@ -197,10 +194,9 @@ class _Groups:
                 matrix = _doppler_matrix(plan.loops, plan.doppler_taps)
                 cells = (matrix @ cells.reshape(len(own), dopplers, -1)).reshape(len(own), plan.loops, beats, LANES)
             lines = cells.transpose(0, 1, 3, 2).reshape(-1, beats)
-            out[block : block + step] = _over_beats(lines, first, count, plan.beat_taps).reshape(
-                len(own), plan.loops, LANES, count
-            )
-        return out.reshape(-1, LANES, count)[: wave.num_loops]
+            found.append(_over_beats(lines, first, count, plan.beat_taps))
+        samples = found[0] if len(found) == 1 else np.concatenate(found)
+        return samples.reshape(-1, LANES, count)[: wave.num_loops]
 
 
 def error(moments: FloatArray, loops: int, powers: int) -> float:
@@ -209,26 +205,33 @@ def error(moments: FloatArray, loops: int, powers: int) -> float:
         return 0.0
     if loops == 1:
         return float((moments[6] + moments[8]) / moments[0])
-    v = (np.arange(loops) - loops // 2) / (0.5 * loops)
-    left = _rms_left(v, 3), _rms_left(v, 4)
-    exponents = np.array([0, 6, 8, 12, 6, 8, 0, 6, 0, 4, 6, 10])
-    missed = np.where(np.arange(12) > 0, 1.0, 0.0)
-    missed[[4, 2]] = [left[0] ** 2, left[1] ** 2] if powers == _FEW else [0.0, 0.0]
-    return float((moments * missed) @ np.power(float(loops), exponents) / moments[0])
+    missed = np.ones(12)
+    missed[0] = 0.0
+    if powers == _FEW:
+        missed[4], missed[2] = (_rms_left(loops, 5, power) ** 2 for power in (3, 4))
+    else:
+        missed[[2, 4]] = 0.0
+    return float((moments * missed) @ np.power(float(loops), _EXPONENTS) / moments[0])
 
 
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
+def _points(count: int) -> FloatArray:
+    return np.asarray((np.arange(count) - count // 2) / (0.5 * count))
 
 
-def _rms_left(x: FloatArray, power: int) -> float:
-    return _rms(x**power - np.vander(x, 3, increasing=True) @ _reduction(x, 5, 3)[power])
+@functools.lru_cache(maxsize=64)
+def _rms_left(count: int, powers: int, power: int) -> float:
+    """Root mean square of what the polynomial of :func:`_reduction` leaves of a power."""
+    x = _points(count)
+    left = x**power - np.vander(x, 3, increasing=True) @ _reduction(count, powers)[power]
+    return float(np.sqrt(np.mean(np.square(left))))
 
 
-def _reduction(x: FloatArray, powers: int, kept: int) -> FloatArray:
-    """(powers, kept) polynomials of least squares at the points `x` for the powers of x."""
-    found = np.linalg.lstsq(np.vander(x, kept, increasing=True), np.vander(x, powers, increasing=True), rcond=None)[0].T
-    found[:kept] = np.eye(kept)
+@functools.lru_cache(maxsize=64)
+def _reduction(count: int, powers: int) -> FloatArray:
+    """(powers, 3) quadratic polynomials of least squares in place of the powers of u or v, at `count` points."""
+    x = _points(count)
+    found = np.linalg.lstsq(np.vander(x, 3, increasing=True), np.vander(x, powers, increasing=True), rcond=None)[0].T
+    found[:3] = np.eye(3)
     return np.ascontiguousarray(found)
 
 

@@ -63,7 +63,7 @@ def element_gains(radar: Radar, paths: RadarPaths) -> FloatArray:
     to_device = radar.rotation  # row vectors: world @ R = device
     root = math.sqrt(1e-3 * 10.0 ** (radar.tx_power_dbm / 10.0))
     departing = radar.pattern.amplitude(paths.direction @ to_device)
-    if paths.arrival is paths.direction:
+    if paths.arrival is paths.direction or np.array_equal(paths.arrival, paths.direction):
         return root * departing * departing
     return root * departing * radar.pattern.amplitude(paths.arrival @ to_device)
 

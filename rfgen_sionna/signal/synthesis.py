@@ -131,6 +131,7 @@ def synthesize(
         tx_feeds, rx_feeds = (feeds.conj() for feeds in part.feed_factors)
         weights = np.conj(part.waveform.axis_weights) * (gains[tx] * tx_feeds)
         still = not np.any(own.tau_rate) and bool(np.all(own.tau == own.tau[..., :1]))
+        first_tx = dict(reversed(_transmitters(weights)))
         with one_blas_thread():
             echoes = (
                 _synthesize_static(part, own, start, weights, eps)
@@ -138,8 +139,13 @@ def synthesize(
                 else _synthesize_moving(part, own, start, weights, eps, device)
             )
             for (entry, tx_index, rx), echo in echoes:
+                into = samples[:, axis[entry], rx]
                 factor = np.multiply.outer(weights[:, entry, tx_index], rx_feeds[rx])[..., None]
-                samples[:, axis[entry], rx] += echo if np.all(factor == 1) else factor * echo
+                echo = echo if np.all(factor == 1) else factor * echo
+                if tx_index == first_tx[entry]:
+                    into[...] = echo  # no page of the zeros is read
+                else:
+                    into += echo
     return samples
 
 
