@@ -37,47 +37,58 @@ def _shuffled(builder: Any, value: Any, lanes: list[int]) -> Any:
     return builder.shuffle_vector(value, value, ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes))
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _add3(typing_context: Any, out: Any, i: Any, x: Any, j: Any, a: Any, b: Any, c: Any) -> Any:
-    """out[i] += a x[j] + b x[j + 1] + c x[j + 2], for vectors that start at the numbers i of `out` and j of `x`."""
-    number = out.dtype
-    signature = types.void(out, types.intp, x, types.intp, number, number, number)
+def _combination(add: bool) -> Any:
+    """Intrinsic out[i] = a x[j] + b x[j + 1] + c x[j + 2], or += if `add`, for vectors that start at the numbers i of
+    `out` and j of `x`."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        target, at, source, first, *factors = arguments
-        into, vector = _vector(context, builder, signature.args[0], target, at)
-        aligned = number.bitwidth // 8
-        total = builder.load(into, align=aligned)
-        for step, factor in enumerate(factors):
-            index = builder.add(first, context.get_constant(types.intp, step * vector.count))
-            value = builder.load(_vector(context, builder, signature.args[2], source, index)[0], align=aligned)
-            one = builder.insert_element(ir.Constant(vector, ir.Undefined), factor, ir.Constant(ir.IntType(32), 0))
-            splat = _shuffled(builder, one, [0] * vector.count)
-            total = builder.fadd(total, builder.fmul(splat, value, flags=_FUSED), flags=_FUSED)
-        builder.store(total, into, align=aligned)
-        return context.get_dummy_value()
+    def combine(typing_context: Any, out: Any, i: Any, x: Any, j: Any, a: Any, b: Any, c: Any) -> Any:
+        number = out.dtype
+        signature = types.void(out, types.intp, x, types.intp, number, number, number)
 
-    return signature, generate
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            target, at, source, first, *factors = arguments
+            into, vector = _vector(context, builder, signature.args[0], target, at)
+            aligned = number.bitwidth // 8
+            total = builder.load(into, align=aligned) if add else ir.Constant(vector, [0.0] * vector.count)
+            for step, factor in enumerate(factors):
+                index = builder.add(first, context.get_constant(types.intp, step * vector.count))
+                value = builder.load(_vector(context, builder, signature.args[2], source, index)[0], align=aligned)
+                one = builder.insert_element(ir.Constant(vector, ir.Undefined), factor, ir.Constant(ir.IntType(32), 0))
+                splat = _shuffled(builder, one, [0] * vector.count)
+                total = builder.fadd(total, builder.fmul(splat, value, flags=_FUSED), flags=_FUSED)
+            builder.store(total, into, align=aligned)
+            return context.get_dummy_value()
+
+        return signature, generate
+
+    return intrinsic(combine)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _multiply_add(typing_context: Any, out: Any, i: Any, x: Any, j: Any, y: Any, k: Any) -> Any:
-    """out[i] += x[j] y[k] for vectors of complex numbers, all of single precision."""
-    signature = types.void(out, types.intp, x, types.intp, y, types.intp)
+def _product(add: bool) -> Any:
+    """Intrinsic out[i] = x[j] y[k], or += if `add`, for vectors of complex numbers, all of single precision."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        places = [_vector(context, builder, signature.args[n], *arguments[n : n + 2])[0] for n in (0, 2, 4)]
-        total, x, y = (builder.load(place, align=4) for place in places)
-        even = range(0, 2 * LANES, 2)
-        real, imaginary = (_shuffled(builder, y, [n + part for n in even for _ in range(2)]) for part in range(2))
-        signs = ir.Constant(x.type, [-1.0, 1.0] * LANES)
-        across = builder.fmul(_shuffled(builder, x, [n + part for n in even for part in (1, 0)]), signs)
-        for value, factor in ((x, real), (across, imaginary)):
-            total = builder.fadd(total, builder.fmul(value, factor, flags=_FUSED), flags=_FUSED)
-        builder.store(total, places[0], align=4)
-        return context.get_dummy_value()
+    def multiply(typing_context: Any, out: Any, i: Any, x: Any, j: Any, y: Any, k: Any) -> Any:
+        signature = types.void(out, types.intp, x, types.intp, y, types.intp)
 
-    return signature, generate
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            places = [_vector(context, builder, signature.args[n], *arguments[n : n + 2])[0] for n in (0, 2, 4)]
+            x, y = (builder.load(place, align=4) for place in places[1:])
+            total = builder.load(places[0], align=4) if add else ir.Constant(x.type, [0.0] * 2 * LANES)
+            even = range(0, 2 * LANES, 2)
+            real, imaginary = (_shuffled(builder, y, [n + part for n in even for _ in range(2)]) for part in range(2))
+            signs = ir.Constant(x.type, [-1.0, 1.0] * LANES)
+            across = builder.fmul(_shuffled(builder, x, [n + part for n in even for part in (1, 0)]), signs)
+            for value, factor in ((x, real), (across, imaginary)):
+                total = builder.fadd(total, builder.fmul(value, factor, flags=_FUSED), flags=_FUSED)
+            builder.store(total, places[0], align=4)
+            return context.get_dummy_value()
+
+        return signature, generate
+
+    return intrinsic(multiply)
+
+
+_set3, _add3, _multiply, _multiply_add = _combination(False), _combination(True), _product(False), _product(True)
 
 
 def _circle() -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -126,7 +137,7 @@ def tabulate(a, dispersion, amplitude, tau, tx, first, lower, powers, gains, del
     of delay; `powers` (order of u, order) takes powers of the frequency to powers of u.
     """
     orders, knots, last = len(dispersion) + 1, tau.shape[3], tau.shape[1] - 1
-    kept, scaled = min(orders, DEGREE + 1), np.empty(orders, np.complex128)
+    real, imaginary = np.empty(orders), np.empty(orders)
     for path in range(len(delays)):
         for lane in range(LANES):
             rx = min(first + lane, last)
@@ -135,23 +146,35 @@ def tabulate(a, dispersion, amplitude, tau, tx, first, lower, powers, gains, del
                 delays[path, knot, lane] = of_tau[knot]
             if first + lane > last:
                 continue
-            of_a = a[tx, rx, path]
+            of_a, of_dispersion = a[tx, rx, path], dispersion[:, tx, rx, path]
             for knot in range(knots):
                 size = amplitude[path, knot]
-                scaled[0] = of_a[knot].conjugate() * size
+                real[0], imaginary[0] = of_a[knot].real * size, -of_a[knot].imag * size
                 for n in range(1, orders):
-                    scaled[n] = dispersion[n - 1, tx, rx, path, knot].conjugate() * size
+                    value = of_dispersion[n - 1, knot]
+                    real[n], imaginary[n] = value.real * size, -value.imag * size
                 # As in `path_phases.conjugate_gains`: the frequency sent at t - tau.
                 less = lower * of_tau[knot]
+                if orders <= 2:
+                    high = 0.0
+                    if orders == 2:
+                        high = powers[0, 0] * less + powers[0, 1]
+                        gains[path, 1, knot, 2 * lane] = powers[1, 1] * real[1]
+                        gains[path, 1, knot, 2 * lane + 1] = powers[1, 1] * imaginary[1]
+                    gains[path, 0, knot, 2 * lane] = powers[0, 0] * real[0] + high * real[orders - 1]
+                    gains[path, 0, knot, 2 * lane + 1] = powers[0, 0] * imaginary[0] + high * imaginary[orders - 1]
+                    continue
                 for least in range(orders - 1):
                     for n in range(orders - 2, least - 1, -1):
-                        scaled[n] += less * scaled[n + 1]
-                for q in range(kept):
-                    total = powers[q, 0] * scaled[0]
-                    for n in range(1, orders):
-                        total += powers[q, n] * scaled[n]
-                    gains[path, q, knot, 2 * lane] = total.real
-                    gains[path, q, knot, 2 * lane + 1] = total.imag
+                        real[n] += less * real[n + 1]
+                        imaginary[n] += less * imaginary[n + 1]
+                for q in range(gains.shape[1]):
+                    x, y = 0.0, 0.0
+                    for n in range(orders):
+                        x += powers[q, n] * real[n]
+                        y += powers[q, n] * imaginary[n]
+                    gains[path, q, knot, 2 * lane] = x
+                    gains[path, q, knot, 2 * lane + 1] = y
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
@@ -162,21 +185,19 @@ def _mean(values: Any, n: int) -> float:
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
 def _interpolate(flat, path, weights, block, derivatives, out):  # type: ignore[no-untyped-def]
     """Delay and its `derivatives` in v, for each lane, from flat (path, knot, lane) by weights (block, derivative, knot)."""
-    out[:] = 0.0
-    padded = weights.shape[2]
+    first, padded = path * weights.shape[2], weights.shape[2]
     for n in range(derivatives + 1):
-        for knot in range(0, padded, 3):
-            _add3(
-                out, LANES * n, flat, (path * padded + knot) * LANES,
-                weights[block, n, knot], weights[block, n, knot + 1], weights[block, n, knot + 2],
-            )  # fmt: skip
+        row = weights[block, n]
+        _set3(out, LANES * n, flat, first * LANES, row[0], row[1], row[2])
+        for knot in range(3, padded, 3):
+            _add3(out, LANES * n, flat, (first + knot) * LANES, row[knot], row[knot + 1], row[knot + 2])
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
-def _interpolate_gains(x, target, flat, path, order, weights, row):  # type: ignore[no-untyped-def]
-    """Add the gains of an `order`, with a row of the single-precision weights (row, knot), to the vector `target`."""
+def _interpolate_gains(x, target, flat, place, weights, row):  # type: ignore[no-untyped-def]
+    """Add the gains of a `place`, counted in paths and orders, by a row of the weights (row, knot) to the vector `target`."""
     padded, vector = weights.shape[1], 2 * LANES
-    first = (path * (DEGREE + 1) + order) * padded
+    first = place * padded
     for knot in range(0, padded, 3):
         _add3(
             x, target * vector, flat, (first + knot) * vector,
@@ -231,7 +252,7 @@ def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[n
     The first is the power itself; :func:`rfgen_sionna.signal.block_transform.error` has the others' powers.
     """
     out, at, x = np.zeros(12), np.empty(4 * LANES), np.empty(10 * LANES, np.float32)
-    flat, flat_gains = delays.reshape(delays.size), gains.reshape(gains.size)
+    flat, flat_gains, orders = delays.reshape(delays.size), gains.reshape(gains.size), gains.shape[1]
     for block in range(len(weights)):
         single = weights[block].astype(np.float32)
         for path in range(len(delays)):
@@ -239,8 +260,9 @@ def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[n
             uv, vv, vvv, uu, uvv = _angles(at, f, mu, per_u, half, rate)
             x[:] = np.float32(0)
             for n in range(4):
-                _interpolate_gains(x, n, flat_gains, path, 0, single, n)
-            _interpolate_gains(x, 4, flat_gains, path, 1, single, 0)
+                _interpolate_gains(x, n, flat_gains, path * orders, single, n)
+            if orders > 1:
+                _interpolate_gains(x, 4, flat_gains, path * orders + 1, single, 0)
             g, g1, g2, g3, s = _power(x, 0), _power(x, 1), _power(x, 2) / 4, _power(x, 3) / 36, _power(x, 4)
             # Deviation of the lanes from their mean.
             d, d1, over_u, over_v = _mean(at, 0), _mean(at, LANES), 0.0, 0.0
@@ -321,13 +343,12 @@ def _turned(raw, factors, x):  # type: ignore[no-untyped-def]
     `factors` are the phasor (0) and the lanes' deviations from the mean [rad] over u and v, times j (1, 2).
     """
     v = 2 * LANES
-    x[:] = np.float32(0)
-    for source, n in ((0, 0), (2, 1), (4, 2), (6, 3), (7, 4), (8, 5)):
-        _multiply_add(x, source * v, raw, n * v, factors, 0)
+    for n in range(3):
+        _multiply(x, 2 * n * v, raw, n * v, factors, 0)
+        _multiply(x, (6 + n) * v, raw, (3 + n) * v, factors, 0)
     # Deviations to the second order: (1 + j over + (j over)^2 / 2) times the gain.
-    raw[: 2 * v] = np.float32(0)
     for n in range(2):
-        _multiply_add(raw, n * v, x, 0, factors, (n + 1) * v)
+        _multiply(raw, n * v, x, 0, factors, (n + 1) * v)
     half, none = np.float32(0.5), np.float32(0)
     _multiply_add(x, 8 * v, x, 4 * v, factors, v)
     _multiply_add(x, 8 * v, x, 2 * v, factors, 2 * v)
@@ -337,7 +358,7 @@ def _turned(raw, factors, x):  # type: ignore[no-untyped-def]
         _multiply_add(x, (6 + n) * v, x, (2 + 2 * n) * v, factors, (n + 1) * v)
         _add3(x, (2 + 2 * n) * v, raw, n * v, half, none, none)
     for n in range(3):
-        _multiply_add(x, (2 * n + 1) * v, x, 2 * n * v, factors, 3 * v)
+        _multiply(x, (2 * n + 1) * v, x, 2 * n * v, factors, 3 * v)
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
@@ -378,7 +399,7 @@ def spread(  # type: ignore[no-untyped-def]
     folded, line = np.empty((DEGREE + 1) * powers * vector, np.float32), np.empty((DEGREE + 1) * vector, np.float32)
     at, flat = np.empty(4 * LANES), grid.reshape(grid.size)
     flat_delays, flat_gains = delays.reshape(delays.size), gains.reshape(gains.size)
-    dopplers, beats = grid.shape[1], grid.shape[2]
+    dopplers, beats, orders = grid.shape[1], grid.shape[2], gains.shape[1]
     rows, columns = doppler_taps.shape[2], beat_taps.shape[2]
     one, none, single = np.float32(1), np.float32(0), np.empty((5, weights.shape[2]), np.float32)
     for block in range(len(weights)):
@@ -392,14 +413,17 @@ def spread(  # type: ignore[no-untyped-def]
             column, b_place, u_turns = _place(per_u * (mu * d + rate * d1 * (f - mu * d)), columns)
             column = column % period if period else column - first
             raw[:] = none
-            _interpolate_gains(raw, 0, flat_gains, path, 0, single, 0)
-            _interpolate_gains(raw, 1, flat_gains, path, 1, single, 0)
-            _interpolate_gains(raw, 1, flat_gains, path, 0, single, 3)
-            _interpolate_gains(raw, 2, flat_gains, path, 0, single, 1)
-            _interpolate_gains(raw, 3, flat_gains, path, 2, single, 0)
-            _interpolate_gains(raw, 4, flat_gains, path, 0, single, 2)
-            _interpolate_gains(raw, 5, flat_gains, path, 1, single, 1)
-            _interpolate_gains(raw, 5, flat_gains, path, 0, single, 4)
+            place = path * orders
+            _interpolate_gains(raw, 0, flat_gains, place, single, 0)
+            _interpolate_gains(raw, 1, flat_gains, place, single, 3)
+            _interpolate_gains(raw, 2, flat_gains, place, single, 1)
+            _interpolate_gains(raw, 4, flat_gains, place, single, 2)
+            _interpolate_gains(raw, 5, flat_gains, place, single, 4)
+            if orders > 1:
+                _interpolate_gains(raw, 1, flat_gains, place + 1, single, 0)
+                _interpolate_gains(raw, 5, flat_gains, place + 1, single, 1)
+            if orders > 2:
+                _interpolate_gains(raw, 3, flat_gains, place + 2, single, 0)
             for lane in range(LANES):
                 own, doppler = at[lane], at[LANES + lane] * (f - mu * at[lane])
                 cosine, sine = _cos_sin(own * (f - 0.5 * mu * own))
@@ -409,11 +433,10 @@ def spread(  # type: ignore[no-untyped-def]
                 factors[2 * vector + 2 * lane + 1] = 2 * np.pi * (doppler - v_turns)
             _turned(raw, factors, sources)
             _expand(terms, _angles(at, f, mu, per_u, half, rate), over_v, over_u)
-            folded[:] = none
             for q in range(DEGREE + 1):
                 for p in range(powers):
                     s, n = terms[q, p], (q * powers + p) * vector
-                    _add3(folded, n, sources, 0, s[0], s[1], s[2])
+                    _set3(folded, n, sources, 0, s[0], s[1], s[2])
                     _add3(folded, n, sources, 3 * vector, s[3], s[4], s[5])
             _add3(folded, 2 * powers * vector, sources, 6 * vector, one, none, none)
             _add3(folded, 2 * vector, sources, 7 * vector, one, none, none)
@@ -422,9 +445,12 @@ def spread(  # type: ignore[no-untyped-def]
             for tap in range(rows):
                 target = ((block * dopplers + row) * beats + column) * vector
                 row = row + 1 if row + 1 < dopplers else 0
-                line[:] = none
                 for q in range(DEGREE + 1):
-                    for p in range(0, powers, 3):
+                    _set3(
+                        line, q * vector, folded, q * powers * vector,
+                        doppler_taps[d_place, 0, tap], doppler_taps[d_place, 1, tap], doppler_taps[d_place, 2, tap],
+                    )  # fmt: skip
+                    for p in range(3, powers, 3):
                         _add3(
                             line, q * vector, folded, (q * powers + p) * vector, doppler_taps[d_place, p, tap],
                             doppler_taps[d_place, p + 1, tap], doppler_taps[d_place, p + 2, tap],

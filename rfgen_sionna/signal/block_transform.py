@@ -124,7 +124,7 @@ class _Groups:
         from rfgen_sionna.signal import block_kernels
 
         count, lanes = self.paths.num_paths, block_kernels.LANES
-        gains = np.zeros((count, 3, self.knots, 2 * lanes), np.float32)
+        gains = np.zeros((count, min(3, len(self.powers)), self.knots, 2 * lanes), np.float32)
         delays = np.zeros((count, self.knots, lanes))
         powers = np.ascontiguousarray(self.over_u[: len(self.powers)].T @ self.powers)
         block_kernels.tabulate(
