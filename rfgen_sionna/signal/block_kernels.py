@@ -187,21 +187,29 @@ def _interpolate(flat, path, weights, block, derivatives, out):  # type: ignore[
     """Delay and its `derivatives` in v, for each lane, from flat (path, knot, lane) by weights (block, derivative, knot)."""
     first, padded = path * weights.shape[2], weights.shape[2]
     for n in range(derivatives + 1):
-        row = weights[block, n]
-        _set3(out, LANES * n, flat, first * LANES, row[0], row[1], row[2])
+        _set3(
+            out, LANES * n, flat, first * LANES, weights[block, n, 0], weights[block, n, 1], weights[block, n, 2]
+        )  # fmt: skip
         for knot in range(3, padded, 3):
-            _add3(out, LANES * n, flat, (first + knot) * LANES, row[knot], row[knot + 1], row[knot + 2])
+            _add3(
+                out, LANES * n, flat, (first + knot) * LANES,
+                weights[block, n, knot], weights[block, n, knot + 1], weights[block, n, knot + 2],
+            )  # fmt: skip
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
-def _interpolate_gains(x, target, flat, place, weights, row):  # type: ignore[no-untyped-def]
-    """Add the gains of a `place`, counted in paths and orders, by a row of the weights (row, knot) to the vector `target`."""
+def _interpolate_gains(x, target, flat, place, weights, row, add):  # type: ignore[no-untyped-def]
+    """Write the gains of a `place`, counted in paths and orders, by a row of the weights (row, knot) to the vector
+    `target` of x, or `add` them."""
     padded, vector = weights.shape[1], 2 * LANES
-    first = place * padded
-    for knot in range(0, padded, 3):
+    first, into = place * padded * vector, target * vector
+    if add:
+        _add3(x, into, flat, first, weights[row, 0], weights[row, 1], weights[row, 2])
+    else:
+        _set3(x, into, flat, first, weights[row, 0], weights[row, 1], weights[row, 2])
+    for knot in range(3, padded, 3):
         _add3(
-            x, target * vector, flat, (first + knot) * vector,
-            weights[row, knot], weights[row, knot + 1], weights[row, knot + 2],
+            x, into, flat, first + knot * vector, weights[row, knot], weights[row, knot + 1], weights[row, knot + 2]
         )  # fmt: skip
 
 
@@ -251,18 +259,17 @@ def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[n
 
     The first is the power itself; :func:`rfgen_sionna.signal.block_transform.error` has the others' powers.
     """
-    out, at, x = np.zeros(12), np.empty(4 * LANES), np.empty(10 * LANES, np.float32)
+    out, at, x = np.zeros(12), np.empty(4 * LANES), np.zeros(10 * LANES, np.float32)
     flat, flat_gains, orders = delays.reshape(delays.size), gains.reshape(gains.size), gains.shape[1]
     for block in range(len(weights)):
         single = weights[block].astype(np.float32)
         for path in range(len(delays)):
             _interpolate(flat, path, weights, block, 3, at)
             uv, vv, vvv, uu, uvv = _angles(at, f, mu, per_u, half, rate)
-            x[:] = np.float32(0)
             for n in range(4):
-                _interpolate_gains(x, n, flat_gains, path * orders, single, n)
+                _interpolate_gains(x, n, flat_gains, path * orders, single, n, False)
             if orders > 1:
-                _interpolate_gains(x, 4, flat_gains, path * orders + 1, single, 0)
+                _interpolate_gains(x, 4, flat_gains, path * orders + 1, single, 0, False)
             g, g1, g2, g3, s = _power(x, 0), _power(x, 1), _power(x, 2) / 4, _power(x, 3) / 36, _power(x, 4)
             # Deviation of the lanes from their mean.
             d, d1, over_u, over_v = _mean(at, 0), _mean(at, LANES), 0.0, 0.0
@@ -286,54 +293,58 @@ def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[n
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
-def _put(terms, p, q, source, turned, value):  # type: ignore[no-untyped-def]
+def _put(terms, powers, p, q, source, turned, value):  # type: ignore[no-untyped-def]
     """Add `value` times a source, or j times it if `turned`, to the coefficient of v^p u^q; odd powers have taps over j."""
     quarter = (p & 1) + (q & 1) + turned
-    terms[q, p, source + (quarter & 1)] += np.float32(-value if quarter > 1 else value)
+    terms[(q * powers + p) * 6 + source + (quarter & 1)] += -value if quarter > 1 else value
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
-def _put_v(terms, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
+def _put_v(terms, powers, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
     """:func:`_put` of a power p of v that may be beyond the highest."""
-    if p < terms.shape[1]:
-        _put(terms, p, q, source, turned, value)
+    if p < powers:
+        _put(terms, powers, p, q, source, turned, value)
     else:
-        for lower in range(DEGREE + 1):
-            _put(terms, lower, q, source, turned, value * reduction[p, lower])
+        _put(terms, powers, 0, q, source, turned, value * reduction[p, 0])
+        _put(terms, powers, 1, q, source, turned, value * reduction[p, 1])
+        _put(terms, powers, 2, q, source, turned, value * reduction[p, 2])
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
-def _put_u(terms, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
+def _put_u(terms, powers, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
     """:func:`_put` of a power q of u beyond `DEGREE`."""
-    for lower in range(DEGREE + 1):
-        _put(terms, p, lower, source, turned, value * reduction[q, lower])
+    _put(terms, powers, p, 0, source, turned, value * reduction[q, 0])
+    _put(terms, powers, p, 1, source, turned, value * reduction[q, 1])
+    _put(terms, powers, p, 2, source, turned, value * reduction[q, 2])
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
-def _expand(terms, angles, over_v, over_u):  # type: ignore[no-untyped-def]
-    """Products of the sources G, G1 u and H v with exp(j angle) to the second order, into (q, p, source)."""
-    uv, vv, vvv, uu, uvv = angles
-    terms[:] = np.float32(0)
+def _expand(terms, powers, angles, over_v, over_u):  # type: ignore[no-untyped-def]
+    """Products of the sources G, G1 u and H v with exp(j angle) to the second order, into flat (q, p, source)."""
+    uv, vv, vvv = np.float32(angles[0]), np.float32(angles[1]), np.float32(angles[2])
+    uu, uvv, one, half = np.float32(angles[3]), np.float32(angles[4]), np.float32(1), np.float32(0.5)
+    for n in range(len(terms)):
+        terms[n] = np.float32(0)
     g, g1, h = 0, 2, 4
-    _put(terms, 0, 0, g, 0, 1.0)
-    _put(terms, 1, 1, g, 1, uv)
-    _put(terms, 2, 0, g, 1, vv)
-    _put(terms, 0, 2, g, 1, uu)
-    _put(terms, 2, 1, g, 1, uvv)
-    _put_v(terms, 3, 0, g, 1, vvv, over_v)
-    _put(terms, 2, 2, g, 0, -0.5 * uv * uv - vv * uu)
-    _put_v(terms, 4, 0, g, 0, -0.5 * vv * vv, over_v)
-    _put_v(terms, 3, 1, g, 0, -uv * vv, over_v)
-    _put_u(terms, 1, 3, g, 0, -uv * uu, over_u)
-    _put_u(terms, 0, 4, g, 0, -0.5 * uu * uu, over_u)
-    _put(terms, 0, 1, g1, 0, 1.0)
-    _put(terms, 1, 2, g1, 1, uv)
-    _put(terms, 2, 1, g1, 1, vv)
-    _put_u(terms, 0, 3, g1, 1, uu, over_u)
-    _put(terms, 1, 0, h, 0, 1.0)
-    _put(terms, 2, 1, h, 1, uv)
-    _put(terms, 1, 2, h, 1, uu)
-    _put_v(terms, 3, 0, h, 1, vv, over_v)
+    _put(terms, powers, 0, 0, g, 0, one)
+    _put(terms, powers, 1, 1, g, 1, uv)
+    _put(terms, powers, 2, 0, g, 1, vv)
+    _put(terms, powers, 0, 2, g, 1, uu)
+    _put(terms, powers, 2, 1, g, 1, uvv)
+    _put_v(terms, powers, 3, 0, g, 1, vvv, over_v)
+    _put(terms, powers, 2, 2, g, 0, -half * uv * uv - vv * uu)
+    _put_v(terms, powers, 4, 0, g, 0, -half * vv * vv, over_v)
+    _put_v(terms, powers, 3, 1, g, 0, -uv * vv, over_v)
+    _put_u(terms, powers, 1, 3, g, 0, -uv * uu, over_u)
+    _put_u(terms, powers, 0, 4, g, 0, -half * uu * uu, over_u)
+    _put(terms, powers, 0, 1, g1, 0, one)
+    _put(terms, powers, 1, 2, g1, 1, uv)
+    _put(terms, powers, 2, 1, g1, 1, vv)
+    _put_u(terms, powers, 0, 3, g1, 1, uu, over_u)
+    _put(terms, powers, 1, 0, h, 0, one)
+    _put(terms, powers, 2, 1, h, 1, uv)
+    _put(terms, powers, 1, 2, h, 1, uu)
+    _put_v(terms, powers, 3, 0, h, 1, vv, over_v)
 
 
 @njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
@@ -375,7 +386,7 @@ def _place(turns, taps):  # type: ignore[no-untyped-def]
 @njit(
     types.void(
         types.float32[:, :, :, ::1], types.float64[:, :, ::1], types.float64[:, :, ::1], *_SCALARS,
-        types.float32[:, :, ::1], types.float32[:, :, ::1], types.float64[:, ::1], types.float64[:, ::1],
+        types.float32[:, :, ::1], types.float32[:, :, ::1], types.float32[:, ::1], types.float32[:, ::1],
         types.intp, types.intp, types.float32[:, :, :, ::1],
     ),
     cache=True, nogil=True, fastmath=_FAST,
@@ -392,10 +403,10 @@ def spread(  # type: ignore[no-untyped-def]
     change of v per second. Taps are (position, power, tap); `over_v` and `over_u` (power, lower power) reduce powers.
     """
     vector, powers = 2 * LANES, doppler_taps.shape[1]
-    raw, sources = np.empty(6 * vector, np.float32), np.empty((_SOURCES + 2) * vector, np.float32)
+    raw, sources = np.zeros(6 * vector, np.float32), np.empty((_SOURCES + 2) * vector, np.float32)
     factors = np.zeros(4 * vector, np.float32)
     factors[3 * vector + 1 :: 2] = 1
-    terms = np.empty((DEGREE + 1, powers, 6), np.float32)
+    terms = np.empty((DEGREE + 1) * powers * 6, np.float32)
     folded, line = np.empty((DEGREE + 1) * powers * vector, np.float32), np.empty((DEGREE + 1) * vector, np.float32)
     at, flat = np.empty(4 * LANES), grid.reshape(grid.size)
     flat_delays, flat_gains = delays.reshape(delays.size), gains.reshape(gains.size)
@@ -412,18 +423,17 @@ def spread(  # type: ignore[no-untyped-def]
             row, d_place, v_turns = _place(d1 * (f - mu * d), rows)
             column, b_place, u_turns = _place(per_u * (mu * d + rate * d1 * (f - mu * d)), columns)
             column = column % period if period else column - first
-            raw[:] = none
             place = path * orders
-            _interpolate_gains(raw, 0, flat_gains, place, single, 0)
-            _interpolate_gains(raw, 1, flat_gains, place, single, 3)
-            _interpolate_gains(raw, 2, flat_gains, place, single, 1)
-            _interpolate_gains(raw, 4, flat_gains, place, single, 2)
-            _interpolate_gains(raw, 5, flat_gains, place, single, 4)
+            _interpolate_gains(raw, 0, flat_gains, place, single, 0, False)
+            _interpolate_gains(raw, 1, flat_gains, place, single, 3, False)
+            _interpolate_gains(raw, 2, flat_gains, place, single, 1, False)
+            _interpolate_gains(raw, 4, flat_gains, place, single, 2, False)
+            _interpolate_gains(raw, 5, flat_gains, place, single, 4, False)
             if orders > 1:
-                _interpolate_gains(raw, 1, flat_gains, place + 1, single, 0)
-                _interpolate_gains(raw, 5, flat_gains, place + 1, single, 1)
+                _interpolate_gains(raw, 1, flat_gains, place + 1, single, 0, True)
+                _interpolate_gains(raw, 5, flat_gains, place + 1, single, 1, True)
             if orders > 2:
-                _interpolate_gains(raw, 3, flat_gains, place + 2, single, 0)
+                _interpolate_gains(raw, 3, flat_gains, place + 2, single, 0, False)
             for lane in range(LANES):
                 own, doppler = at[lane], at[LANES + lane] * (f - mu * at[lane])
                 cosine, sine = _cos_sin(own * (f - 0.5 * mu * own))
@@ -432,12 +442,12 @@ def spread(  # type: ignore[no-untyped-def]
                 factors[vector + 2 * lane + 1] = 2 * np.pi * (per_u * (mu * own + rate * doppler) - u_turns)
                 factors[2 * vector + 2 * lane + 1] = 2 * np.pi * (doppler - v_turns)
             _turned(raw, factors, sources)
-            _expand(terms, _angles(at, f, mu, per_u, half, rate), over_v, over_u)
-            for q in range(DEGREE + 1):
-                for p in range(powers):
-                    s, n = terms[q, p], (q * powers + p) * vector
-                    _set3(folded, n, sources, 0, s[0], s[1], s[2])
-                    _add3(folded, n, sources, 3 * vector, s[3], s[4], s[5])
+            _expand(terms, powers, _angles(at, f, mu, per_u, half, rate), over_v, over_u)
+            for n in range((DEGREE + 1) * powers):
+                _set3(folded, n * vector, sources, 0, terms[6 * n], terms[6 * n + 1], terms[6 * n + 2])
+                _add3(
+                    folded, n * vector, sources, 3 * vector, terms[6 * n + 3], terms[6 * n + 4], terms[6 * n + 5]
+                )  # fmt: skip
             _add3(folded, 2 * powers * vector, sources, 6 * vector, one, none, none)
             _add3(folded, 2 * vector, sources, 7 * vector, one, none, none)
             _add3(folded, (powers + 1) * vector, sources, 8 * vector, -one, none, none)

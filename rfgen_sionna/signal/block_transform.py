@@ -181,14 +181,14 @@ class _Groups:
         if beats > 2 * count + plan.beat_taps:
             first, beats, period = 0, 2 * count + plan.beat_taps, 2 * count
         dopplers = 2 * plan.loops if plan.loops > 1 else 1
-        over_v = _reduction(plan.loops, 5)
+        over_v, over_u = (each.astype(np.float32) for each in (_reduction(plan.loops, 5), self.over_u))
         taps = _taps(plan.doppler_taps, plan.powers), _taps(plan.beat_taps, 3)
         step = max(1, _CELLS // (dopplers * beats))
         found = []
         for block in range(0, blocks, step):
             own = weights[block : block + step]
             grid = np.zeros((len(own), dopplers, beats, 2 * LANES), np.float32)
-            spread(*tables, own, *scalars, *taps, over_v, self.over_u, first, period, grid)
+            spread(*tables, own, *scalars, *taps, over_v, over_u, first, period, grid)
             cells = grid.view(np.complex64)
             if plan.loops > 1:
                 matrix = _doppler_matrix(plan.loops, plan.doppler_taps)
