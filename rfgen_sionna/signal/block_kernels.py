@@ -103,7 +103,7 @@ def _circle() -> tuple[tuple[float, ...], tuple[float, ...]]:
 _COS, _SIN = _circle()
 
 
-@njit(inline="always", fastmath=True)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=True)
 def _cos_sin(cycles: float) -> tuple[float, float]:
     r = cycles - np.floor(cycles + 0.5)
     q = r * r
@@ -114,7 +114,9 @@ def _cos_sin(cycles: float) -> tuple[float, float]:
     return cosine, sine * r
 
 
-_READ4, _READ2 = (types.Array(number, dim, "A", readonly=True) for number, dim in ((types.complex128, 4), (types.float64, 2)))
+_READ4, _READ2 = (
+    types.Array(number, dim, "A", readonly=True) for number, dim in ((types.complex128, 4), (types.float64, 2))
+)
 _READ5 = types.Array(types.complex128, 5, "A", readonly=True)
 _DELAYS = types.Array(types.float64, 4, "A", readonly=True)
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
@@ -177,14 +179,14 @@ def tabulate(a, dispersion, amplitude, tau, tx, first, lower, powers, gains, del
                     gains[path, q, knot, 2 * lane + 1] = y
 
 
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=_FAST)
 def _mean(values: Any, n: int) -> float:
     return 0.25 * (values[n] + values[n + 1] + values[n + 2] + values[n + 3])
 
 
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=_FAST)
 def _interpolate(flat, path, weights, block, derivatives, out):  # type: ignore[no-untyped-def]
-    """Delay and its `derivatives` in v, for each lane, from flat (path, knot, lane) by weights (block, derivative, knot)."""
+    """Delay and its `derivatives` in v, for each lane, from flat (path, knot, lane), by the weights of a block."""
     first, padded = path * weights.shape[2], weights.shape[2]
     for n in range(derivatives + 1):
         _set3(
@@ -197,7 +199,7 @@ def _interpolate(flat, path, weights, block, derivatives, out):  # type: ignore[
             )  # fmt: skip
 
 
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=_FAST)
 def _interpolate_gains(x, target, flat, place, weights, row, add):  # type: ignore[no-untyped-def]
     """Write the gains of a `place`, counted in paths and orders, by a row of the weights (row, knot) to the vector
     `target` of x, or `add` them."""
@@ -213,7 +215,7 @@ def _interpolate_gains(x, target, flat, place, weights, row, add):  # type: igno
         )  # fmt: skip
 
 
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=_FAST)
 def _power(x, target):  # type: ignore[no-untyped-def]
     total = 0.0
     for n in range(2 * LANES * target, 2 * LANES * (target + 1)):
@@ -221,7 +223,7 @@ def _power(x, target):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=_FAST)
 def _angles(at, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
     """Mean over the lanes of the phase's coefficients [rad] of uv, v^2, v^3, u^2 and u v^2."""
     d, d1, d2, d3 = _mean(at, 0), _mean(at, LANES), _mean(at, 2 * LANES), _mean(at, 3 * LANES)
@@ -255,11 +257,11 @@ def beat_bounds(delays, weights, f, mu, per_u, half, rate):  # type: ignore[no-u
     cache=True, nogil=True, fastmath=_FAST,
 )  # fmt: skip
 def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
-    """Sums over paths and instants of the squares of what a block leaves out, each of one power of v.
-
-    The first is the power itself; :func:`rfgen_sionna.signal.block_transform.error` has the others' powers.
+    """Sums over paths and instants of the gains' power (0); of the squares that the second order leaves out, by powers
+    of v from 0 to 12 in steps of two (1 … 7); of those of v^3 and v^4 (8, 9); and of the squares of the coefficients of
+    u, v, v^2, u^2 v^2 and u^2 (10 … 14). Arguments as :func:`spread`.
     """
-    out, at, x = np.zeros(12), np.empty(4 * LANES), np.zeros(10 * LANES, np.float32)
+    out, at, x = np.zeros(15), np.empty(4 * LANES), np.zeros(12 * LANES, np.float32)
     flat, flat_gains, orders = delays.reshape(delays.size), gains.reshape(gains.size), gains.shape[1]
     for block in range(len(weights)):
         single = weights[block].astype(np.float32)
@@ -270,36 +272,43 @@ def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[n
                 _interpolate_gains(x, n, flat_gains, path * orders, single, n, False)
             if orders > 1:
                 _interpolate_gains(x, 4, flat_gains, path * orders + 1, single, 0, False)
-            g, g1, g2, g3, s = _power(x, 0), _power(x, 1), _power(x, 2) / 4, _power(x, 3) / 36, _power(x, 4)
+                _interpolate_gains(x, 5, flat_gains, path * orders + 1, single, 2, False)
+            g, g1, g2, g3 = _power(x, 0), _power(x, 1), _power(x, 2) / 4, _power(x, 3) / 36
+            s, s2 = _power(x, 4), _power(x, 5) / 4
             # Deviation of the lanes from their mean.
             d, d1, over_u, over_v = _mean(at, 0), _mean(at, LANES), 0.0, 0.0
             for lane in range(LANES):
                 over_u = max(over_u, abs(2 * np.pi * per_u * mu * (at[lane] - d)))
                 over_v = max(over_v, abs(2 * np.pi * f * (at[LANES + lane] - d1)))
-            uv2, vv2, uu2 = uv * uv, vv * vv, uu * uu
+            uv2, vv2, uu2, vvv2 = uv * uv, vv * vv, uu * uu, vvv * vvv
             out[0] += g
-            out[1] += g * uv2 * uv2 * uv2 / 36 / 49 + g1 * uv2 * uv2 / 4 / 35 + g2 * uv2 / 21
-            out[2] += g * vv2 * vv2 / 4
-            out[3] += g * vv2 * vv2 * vv2 / 36 / 13
-            out[4] += g * (vvv * vvv + uv2 * vv2 / 3) + g1 * vv2
-            out[5] += g * uv2 * uv2 * vv2 / 4 / 45 + g2 * vv2 / 9
-            out[6] += g * uu2 * uu2 * uu2 / 36 / 13 + s * uu2 * uu2 / 4 / 11 + g * over_u**6 / 36 / 7
-            out[7] += g * over_v**6 / 36 / 7 + g3 / 7
-            out[8] += g * over_u**4 / 4 * (uu2 / 9) + s * over_u**4 / 4 / 7
-            out[9] += s * uv2 * uv2 / 4 / 35 + g * over_u**4 / 4 * uv2 / 21
-            out[10] += g * uvv * uvv * uv2 / 35
-            out[11] += g1 * vv2 * vv2 / 4 / 11
+            out[1] += g * (uu2 * uu2 * uu2 / 468 + over_u**6 / 252 + over_u**4 * uu2 / 36) + s * uu2 * uu2 / 44
+            out[1] += s * over_u**4 / 28
+            out[2] += g * over_u**4 * uv2 / 84
+            out[3] += s2 / 15 + s * uv2 * uv2 / 140
+            out[4] += g * (uv2 * uv2 * uv2 / 1764 + over_v**6 / 252 + uvv * uvv * uv2 / 35)
+            out[4] += g1 * uv2 * uv2 / 140 + g2 * uv2 / 21 + g3 / 7
+            out[5] += g * (uv2 * uv2 * vv2 / 180 + uv2 * vvv2 / 27) + g1 * vvv2 / 9 + g2 * vv2 / 9
+            out[6] += g * (uv2 * vv2 * vv2 / 132 + vv2 * vvv2 / 11) + g1 * vv2 * vv2 / 44
+            out[7] += g * (vv2 * vv2 * vv2 / 468 + vvv2 * vvv2 / 52)
+            out[8] += g * (vvv2 + uv2 * vv2 / 3) + g1 * vv2
+            out[9] += g * vv2 * vv2 / 4
+            out[10] += g * over_u * over_u + s
+            out[11] += g * (uv2 / 3 + over_v * over_v) + g1
+            out[12] += g * vv2 + g2
+            out[13] += g * uv2 * uv2 / 20
+            out[14] += g * uu2
     return out
 
 
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=_FAST)
 def _put(terms, powers, p, q, source, turned, value):  # type: ignore[no-untyped-def]
-    """Add `value` times a source, or j times it if `turned`, to the coefficient of v^p u^q; odd powers have taps over j."""
+    """Add `value` times a source, or j times it if `turned`, to the factor of v^p u^q, over j for each odd power."""
     quarter = (p & 1) + (q & 1) + turned
     terms[(q * powers + p) * 6 + source + (quarter & 1)] += -value if quarter > 1 else value
 
 
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=_FAST)
 def _put_v(terms, powers, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
     """:func:`_put` of a power p of v that may be beyond the highest."""
     if p < powers:
@@ -310,7 +319,7 @@ def _put_v(terms, powers, p, q, source, turned, value, reduction):  # type: igno
         _put(terms, powers, 2, q, source, turned, value * reduction[p, 2])
 
 
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=_FAST)
 def _put_u(terms, powers, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
     """:func:`_put` of a power q of u beyond `DEGREE`."""
     _put(terms, powers, p, 0, source, turned, value * reduction[q, 0])
@@ -318,7 +327,7 @@ def _put_u(terms, powers, p, q, source, turned, value, reduction):  # type: igno
     _put(terms, powers, p, 2, source, turned, value * reduction[q, 2])
 
 
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=_FAST)
 def _expand(terms, powers, angles, over_v, over_u):  # type: ignore[no-untyped-def]
     """Products of the sources G, G1 u and H v with exp(j angle) to the second order, into flat (q, p, source)."""
     uv, vv, vvv = np.float32(angles[0]), np.float32(angles[1]), np.float32(angles[2])
@@ -347,7 +356,7 @@ def _expand(terms, powers, angles, over_v, over_u):  # type: ignore[no-untyped-d
     _put_v(terms, powers, 3, 0, h, 1, vv, over_v)
 
 
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=_FAST)
 def _turned(raw, factors, x):  # type: ignore[no-untyped-def]
     """Sources x from the gain (0), its slopes over u (1) and v (2), and its coefficients of u^2, v^2 and u v (3 … 5).
 
@@ -372,7 +381,7 @@ def _turned(raw, factors, x):  # type: ignore[no-untyped-def]
         _multiply(x, (2 * n + 1) * v, x, 2 * n * v, factors, 3 * v)
 
 
-@njit(inline="always", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(inline="always", fastmath=_FAST)
 def _place(turns, taps):  # type: ignore[no-untyped-def]
     """First cell of an even or odd number of taps, and the tabulated position and its turns, of a point of `turns` per
     unit of v or u: four cells a turn."""

@@ -1,7 +1,7 @@
 """Sums of paths over blocks of loops, as a nonuniform Fourier transform over beat and Doppler at once.
 
-Within a block of L loops and an ADC window, with v = loop / (L / 2) and u = sample / (N / 2) from -1 to 1, the phase of a
-path is a constant, a Doppler frequency in v, a beat frequency in u, and a small angle
+Within a block of L loops and an ADC window, with v = loop / (L / 2) and u = sample / (N / 2) from -1 to 1, the phase of
+a path is a constant, a Doppler frequency in v, a beat frequency in u, and a small angle
 
     X u v + Q v^2 + R v^3 + P u^2 + Y u v^2
 
@@ -16,27 +16,26 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from rfgen_sionna._types import ComplexArray, FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths, knot_weights
-from rfgen_sionna.signal.nufft_kernel import WIDTHS, deconvolution, interpolation_kernel
+from rfgen_sionna.signal.nufft_kernel import deconvolution, interpolation_kernel, width_for
 from rfgen_sionna.signal.path_phases import AdcWindow, element_gains, frequency_powers
 
 LEAST_EPS = 1e-3
 """Least tolerance."""
 _LOOPS = (64, 32, 16, 8, 4)
 _FEW, _MANY = 3, 6  # powers of v, without and with the square of the curvature
-_TAPS_SHARE, _BLOCK_SHARE = 0.35, 0.7  # of the tolerance: either interpolation, and the terms left out
+_TAPS_SHARE, _BLOCK_SHARE = 0.4, 0.7  # of the tolerance: either interpolation, and the terms left out
 _INSTANTS = 6  # at which the error is estimated
 _CELLS = 1 << 19  # vectors of a grid, 16 MB
-_EXPONENTS = np.array([0, 6, 8, 12, 6, 8, 0, 6, 0, 4, 6, 10])
-"""Powers of the number of loops with which the moments grow."""
 _DENSE = 0.75  # beats per sample below which a matrix product is faster than FFTs
 
 
@@ -59,7 +58,7 @@ class _Tables(NamedTuple):
 
 def block_echoes(
     radar: Radar, paths: RadarPaths, start: float, channels: list[tuple[int, int]], eps: float
-) -> Iterator[tuple[tuple[int, int, slice], ComplexArray]] | None:
+) -> Iterator[tuple[tuple[int, int, slice], NDArray[np.complex64]]] | None:
     """(chirp, rx, sample) of a group of Rx for each (entry of the axis "tx", Tx) of `channels`; None if blocks are not
     within the relative error `eps`, estimated from the first group.
 
@@ -77,15 +76,13 @@ def block_echoes(
 
 def paths_of_constant_rate(paths: RadarPaths, times: FloatArray) -> RadarPaths:
     """Paths of a single knot with the knots `times` [s]; directions stay."""
-    from dataclasses import replace
-
     tau = paths.tau + paths.tau_rate * (times - paths.times[0])
     return replace(paths, tau=tau, times=times)
 
 
 def _echoes(
     groups: _Groups, plan: Plan, channels: list[tuple[int, int]], first: _Tables
-) -> Iterator[tuple[tuple[int, int, slice], ComplexArray]]:
+) -> Iterator[tuple[tuple[int, int, slice], NDArray[np.complex64]]]:
     from rfgen_sionna.signal.block_kernels import LANES
 
     count = len(groups.radar.rx_positions)
@@ -115,10 +112,8 @@ class _Groups:
             self.powers = frequency_powers(radar, paths, window, len(paths.dispersion) + 1)
             self.lower = -wave.slope / paths.half_band
         self.over_u = _reduction(window.count, max(len(self.powers), 5))
-        # f, mu, per_u, half
-        self.scalars = (
-            wave.start_frequency + wave.slope * window.middle, wave.slope, 0.5 * window.count * window.step, window.half,
-        )  # fmt: skip
+        middle = wave.start_frequency + wave.slope * window.middle
+        self.scalars = (middle, wave.slope, 0.5 * window.count * window.step, window.half)
 
     def table(self, tx: int, rx: int) -> _Tables:
         from rfgen_sionna.signal import block_kernels
@@ -147,16 +142,18 @@ class _Groups:
         chirps = np.linspace(0, wave.num_loops - 1, min(_INSTANTS, wave.num_loops))
         times = chirps * wave.loop_period + wave.chirp_times[0, entry] + self.window.middle
         found = moments(*tables, self._weights(times, scale), *self.scalars, 1 / scale)
-        limit = (_BLOCK_SHARE * eps) ** 2 - self._dispersion_error(tables) ** 2
-        most = [loops for loops in _LOOPS if loops <= wave.num_loops] or [1]
-        forms = [(loops, powers) for loops in most for powers in (_FEW, _MANY)] + [(1, _FEW)]
-        for largest, powers in forms:
-            loops = -(-wave.num_loops // -(-wave.num_loops // largest))
-            if error(found, loops, powers) <= limit:
-                return Plan(loops, powers, _width(eps) if loops > 1 else 1, _width(eps))
+        limit = (_BLOCK_SHARE * eps) ** 2 - self._dispersion_error() ** 2
+        most = [loops for loops in _LOOPS if loops <= wave.num_loops]
+        for largest, powers in [*((loops, powers) for loops in most for powers in (_FEW, _MANY)), (1, _FEW)]:
+            blocks = -(-wave.num_loops // largest)
+            loops = -(-wave.num_loops // blocks)
+            if not found[0] > 0:
+                return Plan(loops, powers, 4, 4)  # silence
+            if error(found, loops, powers) ** 2 <= limit:
+                return Plan(loops, powers, *_widths(found, loops, _TAPS_SHARE * eps))
         return None
 
-    def _dispersion_error(self, tables: _Tables) -> float:
+    def _dispersion_error(self) -> float:
         """Relative error of powers of u beyond the second in the gain, of the first element pair."""
         if len(self.powers) <= 3 or self.paths.dispersion is None:
             return 0.0
@@ -165,7 +162,7 @@ class _Groups:
         count, of_powers = len(self.powers), np.abs(self.powers) @ np.array(sizes)
         return sum(float(of_powers[n]) * _rms_left(self.window.count, max(count, 5), n) for n in range(3, count))
 
-    def samples(self, tables: _Tables, entry: int, plan: Plan) -> ComplexArray:
+    def samples(self, tables: _Tables, entry: int, plan: Plan) -> NDArray[np.complex64]:
         """(chirp, lane, sample)"""
         from rfgen_sionna.signal.block_kernels import LANES, beat_bounds, spread
 
@@ -200,18 +197,26 @@ class _Groups:
 
 
 def error(moments: FloatArray, loops: int, powers: int) -> float:
-    """Square of the relative error of blocks of `loops`, from :func:`rfgen_sionna.signal.block_kernels.moments`."""
-    if not moments[0] > 0:
-        return 0.0
+    """Relative error of blocks of `loops`, from :func:`rfgen_sionna.signal.block_kernels.moments` of single loops."""
     if loops == 1:
-        return float((moments[6] + moments[8]) / moments[0])
-    missed = np.ones(12)
-    missed[0] = 0.0
+        return math.sqrt(float(moments[1] / moments[0]))
+    missed = float(moments[1:8] @ float(loops) ** (2 * np.arange(7)))
     if powers == _FEW:
-        missed[4], missed[2] = (_rms_left(loops, 5, power) ** 2 for power in (3, 4))
-    else:
-        missed[[2, 4]] = 0.0
-    return float((moments * missed) @ np.power(float(loops), _EXPONENTS) / moments[0])
+        missed += float(moments[8]) * loops**6 * _rms_left(loops, 5, 3) ** 2
+        missed += float(moments[9]) * loops**8 * _rms_left(loops, 5, 4) ** 2
+    return math.sqrt(missed / float(moments[0]))
+
+
+def _widths(moments: FloatArray, loops: int, eps: float) -> tuple[int, int]:
+    """Numbers of taps over Doppler and beat, by the mean sizes of the powers of v and u."""
+    u, v, vv, uuvv, uu = (
+        math.sqrt(float(moment / moments[0]) * loops**power)
+        for moment, power in zip(moments[10:], (0, 2, 4, 4, 0), strict=True)
+    )
+    across = v / math.sqrt(3)
+    over_v = {(0, 0): 1.0, (1, 0): v, (2, 0): vv + uuvv}
+    over_u = {(0, 0): 1.0, (1, 0): u + across, (2, 0): uu + uuvv}
+    return width_for(over_v, eps) if loops > 1 else 1, width_for(over_u, eps)
 
 
 def _points(count: int) -> FloatArray:
@@ -233,12 +238,6 @@ def _reduction(count: int, powers: int) -> FloatArray:
     found = np.linalg.lstsq(np.vander(x, 3, increasing=True), np.vander(x, powers, increasing=True), rcond=None)[0].T
     found[:3] = np.eye(3)
     return np.ascontiguousarray(found)
-
-
-def _width(eps: float) -> int:
-    """Least number of taps for the tolerance."""
-    fine = (width for width in WIDTHS if interpolation_kernel(width, (0, 0)).error <= _TAPS_SHARE * eps)
-    return next(fine, WIDTHS[-1])
 
 
 @functools.lru_cache(maxsize=32)
@@ -264,7 +263,7 @@ def _doppler_matrix(loops: int, taps: int) -> NDArray[np.complex64]:
     return (deconvolution(taps, loops)[:, None] * turns).astype(np.complex64)
 
 
-def _over_beats(lines: ComplexArray, first: int, count: int, taps: int) -> ComplexArray:
+def _over_beats(lines: NDArray[np.complex64], first: int, count: int, taps: int) -> NDArray[np.complex64]:
     """(line, count) samples of grids (line, beat) that begin at the cell `first`."""
     size, beats = 2 * count, lines.shape[1]
     modes = np.arange(count) - count // 2

@@ -1,12 +1,14 @@
-"""FMCW synthesis: paths to dechirped samples, one nonuniform FFT per chirp and element pair.
+"""FMCW synthesis: paths to dechirped samples.
 
 The dechirped signal of a path of delay tau(t) is (sign of TI, Infineon and RF Genesis)
 
     s(t) = conj(A) exp(j 2 pi [f_c tau + mu t tau - mu tau^2 / 2]),   t from the start of the ramp.
 
 `A` is conjugated because the mixer multiplies the transmitted signal with the conjugate of the received one. The phase
-is a constant, a beat frequency and a small quadratic term (:mod:`rfgen_sionna.signal.path_phases`); a nonuniform FFT
-sums them (:mod:`rfgen_sionna.signal.nufft`). The slope mu may be negative or 0, which leaves Doppler alone.
+is a constant, a beat frequency and a small quadratic term (:mod:`rfgen_sionna.signal.path_phases`). At loose tolerances
+a nonuniform FFT over beat and Doppler sums blocks of loops (:mod:`rfgen_sionna.signal.block_transform`), else one over
+the beat each chirp and element pair (:mod:`rfgen_sionna.signal.nufft`). The slope mu may be negative or 0, which leaves
+Doppler alone.
 
 Gains that change with time (visibility, element pattern, return of a facet) are linear over the ADC window of a chirp,
 or constant where the change is negligible. Where that or the quadratic phase does not suffice, as for fast rotors in
@@ -85,7 +87,7 @@ def synthesize(
     start
         Start of the frame's first ramp [s], on the clock of `paths.times`.
     eps
-        Relative accuracy of the transforms.
+        Relative accuracy of the samples. From 1e-3 on the CPU sums blocks of loops, where the motion allows it.
     tx_gains
         (tx,) complex gains of the Tx elements, for elements that radiate at once; None is 1.
     device
@@ -104,7 +106,7 @@ def synthesize(
         If the paths have another number of elements or are not finite, their knots do not cover the frame, the device
         does not exist, or another argument is out of range.
     BackendError
-        If the CPU computes and Dr.Jit finds no LLVM; the message names the cure.
+        If the CPU sums chirp by chirp and Dr.Jit finds no LLVM; the message names the cure.
     """
     check_synthesis(radar, paths, start, eps, tx_gains)
     waveform = radar.waveform
