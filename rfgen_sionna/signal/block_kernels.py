@@ -1,7 +1,6 @@
 """Kernels of the block transform (:mod:`rfgen_sionna.signal.block_transform`), compiled by Numba.
 
-Lanes are the Rx elements of a group. Every vector holds one number per lane, in 32 bytes: `LANES` complex numbers of
-single precision, or as many real ones of double precision. Arrays of vectors are flat.
+The lanes of vectors (:mod:`rfgen_sionna.signal.vector_intrinsics`) are the Rx elements of a group.
 """
 
 from __future__ import annotations
@@ -9,86 +8,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba import njit, types
-from numba.extending import intrinsic
 
-LANES = 4
-"""Rx elements of a group."""
+from rfgen_sionna.signal.vector_intrinsics import LANES, add3, multiply, multiply_add, set3
+
 POSITIONS = 256
 """Positions between two cells for which taps are tabulated; first-order terms bridge the rest."""
 DEGREE = 2
 """Degree of the polynomials in u."""
 _SOURCES = 9
 """Vectors that are spread: gain, its slopes over u and v, each also times j, its u^2, v^2 and u v coefficients."""
-_BYTES = 32
-_FUSED = ("contract", "nsz")
-
-
-def _vector(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> tuple[Any, Any]:
-    """Pointer to the vector that starts at a number of an array, and its type."""
-    number = kind.dtype
-    vector = ir.VectorType(context.get_value_type(number), _BYTES * 8 // number.bitwidth)
-    data = context.make_array(kind)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), vector.as_pointer()), vector
-
-
-def _shuffled(builder: Any, value: Any, lanes: list[int]) -> Any:
-    return builder.shuffle_vector(value, value, ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes))
-
-
-def _combination(add: bool) -> Any:
-    """Intrinsic out[i] = a x[j] + b x[j + 1] + c x[j + 2], or += if `add`, for vectors that start at the numbers i of
-    `out` and j of `x`."""
-
-    def combine(typing_context: Any, out: Any, i: Any, x: Any, j: Any, a: Any, b: Any, c: Any) -> Any:
-        number = out.dtype
-        signature = types.void(out, types.intp, x, types.intp, number, number, number)
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            target, at, source, first, *factors = arguments
-            into, vector = _vector(context, builder, signature.args[0], target, at)
-            aligned = number.bitwidth // 8
-            total = builder.load(into, align=aligned) if add else ir.Constant(vector, [0.0] * vector.count)
-            for step, factor in enumerate(factors):
-                index = builder.add(first, context.get_constant(types.intp, step * vector.count))
-                value = builder.load(_vector(context, builder, signature.args[2], source, index)[0], align=aligned)
-                one = builder.insert_element(ir.Constant(vector, ir.Undefined), factor, ir.Constant(ir.IntType(32), 0))
-                splat = _shuffled(builder, one, [0] * vector.count)
-                total = builder.fadd(total, builder.fmul(splat, value, flags=_FUSED), flags=_FUSED)
-            builder.store(total, into, align=aligned)
-            return context.get_dummy_value()
-
-        return signature, generate
-
-    return intrinsic(combine)
-
-
-def _product(add: bool) -> Any:
-    """Intrinsic out[i] = x[j] y[k], or += if `add`, for vectors of complex numbers, all of single precision."""
-
-    def multiply(typing_context: Any, out: Any, i: Any, x: Any, j: Any, y: Any, k: Any) -> Any:
-        signature = types.void(out, types.intp, x, types.intp, y, types.intp)
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            places = [_vector(context, builder, signature.args[n], *arguments[n : n + 2])[0] for n in (0, 2, 4)]
-            x, y = (builder.load(place, align=4) for place in places[1:])
-            total = builder.load(places[0], align=4) if add else ir.Constant(x.type, [0.0] * 2 * LANES)
-            even = range(0, 2 * LANES, 2)
-            real, imaginary = (_shuffled(builder, y, [n + part for n in even for _ in range(2)]) for part in range(2))
-            signs = ir.Constant(x.type, [-1.0, 1.0] * LANES)
-            across = builder.fmul(_shuffled(builder, x, [n + part for n in even for part in (1, 0)]), signs)
-            for value, factor in ((x, real), (across, imaginary)):
-                total = builder.fadd(total, builder.fmul(value, factor, flags=_FUSED), flags=_FUSED)
-            builder.store(total, places[0], align=4)
-            return context.get_dummy_value()
-
-        return signature, generate
-
-    return intrinsic(multiply)
-
-
-_set3, _add3, _multiply, _multiply_add = _combination(False), _combination(True), _product(False), _product(True)
 
 
 def _circle() -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -103,7 +32,7 @@ def _circle() -> tuple[tuple[float, ...], tuple[float, ...]]:
 _COS, _SIN = _circle()
 
 
-@njit(inline="always", fastmath=True)
+@njit(fastmath=True)
 def _cos_sin(cycles: float) -> tuple[float, float]:
     r = cycles - np.floor(cycles + 0.5)
     q = r * r
@@ -179,43 +108,43 @@ def tabulate(a, dispersion, amplitude, tau, tx, first, lower, powers, gains, del
                     gains[path, q, knot, 2 * lane + 1] = y
 
 
-@njit(inline="always", fastmath=_FAST)
+@njit(fastmath=_FAST)
 def _mean(values: Any, n: int) -> float:
     return 0.25 * (values[n] + values[n + 1] + values[n + 2] + values[n + 3])
 
 
-@njit(inline="always", fastmath=_FAST)
+@njit(fastmath=_FAST)
 def _interpolate(flat, path, weights, block, derivatives, out):  # type: ignore[no-untyped-def]
     """Delay and its `derivatives` in v, for each lane, from flat (path, knot, lane), by the weights of a block."""
     first, padded = path * weights.shape[2], weights.shape[2]
     for n in range(derivatives + 1):
-        _set3(
+        set3(
             out, LANES * n, flat, first * LANES, weights[block, n, 0], weights[block, n, 1], weights[block, n, 2]
         )  # fmt: skip
         for knot in range(3, padded, 3):
-            _add3(
+            add3(
                 out, LANES * n, flat, (first + knot) * LANES,
                 weights[block, n, knot], weights[block, n, knot + 1], weights[block, n, knot + 2],
             )  # fmt: skip
 
 
-@njit(inline="always", fastmath=_FAST)
+@njit(fastmath=_FAST)
 def _interpolate_gains(x, target, flat, place, weights, row, add):  # type: ignore[no-untyped-def]
     """Write the gains of a `place`, counted in paths and orders, by a row of the weights (row, knot) to the vector
     `target` of x, or `add` them."""
     padded, vector = weights.shape[1], 2 * LANES
     first, into = place * padded * vector, target * vector
     if add:
-        _add3(x, into, flat, first, weights[row, 0], weights[row, 1], weights[row, 2])
+        add3(x, into, flat, first, weights[row, 0], weights[row, 1], weights[row, 2])
     else:
-        _set3(x, into, flat, first, weights[row, 0], weights[row, 1], weights[row, 2])
+        set3(x, into, flat, first, weights[row, 0], weights[row, 1], weights[row, 2])
     for knot in range(3, padded, 3):
-        _add3(
+        add3(
             x, into, flat, first + knot * vector, weights[row, knot], weights[row, knot + 1], weights[row, knot + 2]
         )  # fmt: skip
 
 
-@njit(inline="always", fastmath=_FAST)
+@njit(fastmath=_FAST)
 def _power(x, target):  # type: ignore[no-untyped-def]
     total = 0.0
     for n in range(2 * LANES * target, 2 * LANES * (target + 1)):
@@ -223,7 +152,7 @@ def _power(x, target):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(inline="always", fastmath=_FAST)
+@njit(fastmath=_FAST)
 def _angles(at, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
     """Mean over the lanes of the phase's coefficients [rad] of uv, v^2, v^3, u^2 and u v^2."""
     d, d1, d2, d3 = _mean(at, 0), _mean(at, LANES), _mean(at, 2 * LANES), _mean(at, 3 * LANES)
@@ -301,14 +230,14 @@ def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[n
     return out
 
 
-@njit(inline="always", fastmath=_FAST)
+@njit(fastmath=_FAST)
 def _put(terms, powers, p, q, source, turned, value):  # type: ignore[no-untyped-def]
     """Add `value` times a source, or j times it if `turned`, to the factor of v^p u^q, over j for each odd power."""
     quarter = (p & 1) + (q & 1) + turned
     terms[(q * powers + p) * 6 + source + (quarter & 1)] += -value if quarter > 1 else value
 
 
-@njit(inline="always", fastmath=_FAST)
+@njit(fastmath=_FAST)
 def _put_v(terms, powers, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
     """:func:`_put` of a power p of v that may be beyond the highest."""
     if p < powers:
@@ -319,7 +248,7 @@ def _put_v(terms, powers, p, q, source, turned, value, reduction):  # type: igno
         _put(terms, powers, 2, q, source, turned, value * reduction[p, 2])
 
 
-@njit(inline="always", fastmath=_FAST)
+@njit(fastmath=_FAST)
 def _put_u(terms, powers, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
     """:func:`_put` of a power q of u beyond `DEGREE`."""
     _put(terms, powers, p, 0, source, turned, value * reduction[q, 0])
@@ -327,7 +256,7 @@ def _put_u(terms, powers, p, q, source, turned, value, reduction):  # type: igno
     _put(terms, powers, p, 2, source, turned, value * reduction[q, 2])
 
 
-@njit(inline="always", fastmath=_FAST)
+@njit(fastmath=_FAST)
 def _expand(terms, powers, angles, over_v, over_u):  # type: ignore[no-untyped-def]
     """Products of the sources G, G1 u and H v with exp(j angle) to the second order, into flat (q, p, source)."""
     uv, vv, vvv = np.float32(angles[0]), np.float32(angles[1]), np.float32(angles[2])
@@ -356,7 +285,7 @@ def _expand(terms, powers, angles, over_v, over_u):  # type: ignore[no-untyped-d
     _put_v(terms, powers, 3, 0, h, 1, vv, over_v)
 
 
-@njit(inline="always", fastmath=_FAST)
+@njit(fastmath=_FAST)
 def _turned(raw, factors, x):  # type: ignore[no-untyped-def]
     """Sources x from the gain (0), its slopes over u (1) and v (2), and its coefficients of u^2, v^2 and u v (3 … 5).
 
@@ -364,24 +293,24 @@ def _turned(raw, factors, x):  # type: ignore[no-untyped-def]
     """
     v = 2 * LANES
     for n in range(3):
-        _multiply(x, 2 * n * v, raw, n * v, factors, 0)
-        _multiply(x, (6 + n) * v, raw, (3 + n) * v, factors, 0)
+        multiply(x, 2 * n * v, raw, n * v, factors, 0)
+        multiply(x, (6 + n) * v, raw, (3 + n) * v, factors, 0)
     # Deviations to the second order: (1 + j over + (j over)^2 / 2) times the gain.
     for n in range(2):
-        _multiply(raw, n * v, x, 0, factors, (n + 1) * v)
+        multiply(raw, n * v, x, 0, factors, (n + 1) * v)
     half, none = np.float32(0.5), np.float32(0)
-    _multiply_add(x, 8 * v, x, 4 * v, factors, v)
-    _multiply_add(x, 8 * v, x, 2 * v, factors, 2 * v)
-    _multiply_add(x, 8 * v, raw, 0, factors, 2 * v)
+    multiply_add(x, 8 * v, x, 4 * v, factors, v)
+    multiply_add(x, 8 * v, x, 2 * v, factors, 2 * v)
+    multiply_add(x, 8 * v, raw, 0, factors, 2 * v)
     for n in range(2):
-        _add3(x, (2 + 2 * n) * v, raw, n * v, half, none, none)
-        _multiply_add(x, (6 + n) * v, x, (2 + 2 * n) * v, factors, (n + 1) * v)
-        _add3(x, (2 + 2 * n) * v, raw, n * v, half, none, none)
+        add3(x, (2 + 2 * n) * v, raw, n * v, half, none, none)
+        multiply_add(x, (6 + n) * v, x, (2 + 2 * n) * v, factors, (n + 1) * v)
+        add3(x, (2 + 2 * n) * v, raw, n * v, half, none, none)
     for n in range(3):
-        _multiply(x, (2 * n + 1) * v, x, 2 * n * v, factors, 3 * v)
+        multiply(x, (2 * n + 1) * v, x, 2 * n * v, factors, 3 * v)
 
 
-@njit(inline="always", fastmath=_FAST)
+@njit(fastmath=_FAST)
 def _place(turns, taps):  # type: ignore[no-untyped-def]
     """First cell of an even or odd number of taps, and the tabulated position and its turns, of a point of `turns` per
     unit of v or u: four cells a turn."""
@@ -453,29 +382,29 @@ def spread(  # type: ignore[no-untyped-def]
             _turned(raw, factors, sources)
             _expand(terms, powers, _angles(at, f, mu, per_u, half, rate), over_v, over_u)
             for n in range((DEGREE + 1) * powers):
-                _set3(folded, n * vector, sources, 0, terms[6 * n], terms[6 * n + 1], terms[6 * n + 2])
-                _add3(
+                set3(folded, n * vector, sources, 0, terms[6 * n], terms[6 * n + 1], terms[6 * n + 2])
+                add3(
                     folded, n * vector, sources, 3 * vector, terms[6 * n + 3], terms[6 * n + 4], terms[6 * n + 5]
                 )  # fmt: skip
-            _add3(folded, 2 * powers * vector, sources, 6 * vector, one, none, none)
-            _add3(folded, 2 * vector, sources, 7 * vector, one, none, none)
-            _add3(folded, (powers + 1) * vector, sources, 8 * vector, -one, none, none)
+            add3(folded, 2 * powers * vector, sources, 6 * vector, one, none, none)
+            add3(folded, 2 * vector, sources, 7 * vector, one, none, none)
+            add3(folded, (powers + 1) * vector, sources, 8 * vector, -one, none, none)
             row %= dopplers
             for tap in range(rows):
                 target = ((block * dopplers + row) * beats + column) * vector
                 row = row + 1 if row + 1 < dopplers else 0
                 for q in range(DEGREE + 1):
-                    _set3(
+                    set3(
                         line, q * vector, folded, q * powers * vector,
                         doppler_taps[d_place, 0, tap], doppler_taps[d_place, 1, tap], doppler_taps[d_place, 2, tap],
                     )  # fmt: skip
                     for p in range(3, powers, 3):
-                        _add3(
+                        add3(
                             line, q * vector, folded, (q * powers + p) * vector, doppler_taps[d_place, p, tap],
                             doppler_taps[d_place, p + 1, tap], doppler_taps[d_place, p + 2, tap],
                         )  # fmt: skip
                 for k in range(columns):
-                    _add3(
+                    add3(
                         flat, target + k * vector, line, 0,
                         beat_taps[b_place, 0, k], beat_taps[b_place, 1, k], beat_taps[b_place, 2, k],
                     )  # fmt: skip

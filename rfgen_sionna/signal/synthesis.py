@@ -269,17 +269,18 @@ def _synthesize_static(
 
 def _synthesize_moving(
     radar: Radar, paths: RadarPaths, start: float, weights: ComplexArray, eps: float, device: str
-) -> Iterator[tuple[Channels, ComplexArray]]:
+) -> Iterator[tuple[Channels, NDArray[np.complexfloating[Any]]]]:
     """(chirp, rx, sample) of groups of channels in blocks of loops, or (chirp, sample) of each channel where `eps`, the
     motion or the device demands a transform per chirp."""
     if eps >= LEAST_EPS and device == "cpu":
         echoes = block_echoes(radar, paths, start, _transmitters(weights), eps)
         if echoes is not None:
-            return echoes
+            yield from echoes
+            return
     if 1 < len(paths.times) < MIN_SPLINE_KNOTS:
         # The delay is a polynomial through two or three knots; the phase, quadratic in it, needs a spline of more.
         paths = paths.at(np.linspace(paths.times[0], paths.times[-1], 2 * MIN_SPLINE_KNOTS + 1))
-    return _synthesize_in_parts(radar, paths, start, weights, eps, device)
+    yield from _synthesize_in_parts(radar, paths, start, weights, eps, device)
 
 
 def _synthesize_in_parts(
