@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numba import njit, types
 
-from rfgen_sionna.signal.vector_intrinsics import LANES, add3, multiply, multiply_add, set3
+from rfgen_sionna.signal.vector_intrinsics import LANES, add3, cos_sin, multiply, multiply_add, set3
 
 POSITIONS = 256
 """Positions between two cells for which taps are tabulated; first-order terms bridge the rest."""
@@ -18,29 +18,6 @@ DEGREE = 2
 """Degree of the polynomials in u."""
 _SOURCES = 9
 """Vectors that are spread: gain, its slopes over u and v, each also times j, its u^2, v^2 and u v coefficients."""
-
-
-def _circle() -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Coefficients in r^2 of cos(2 pi r) and of sin(2 pi r) / r, |r| at most 1/2; they err by 3e-9."""
-    square = 0.125 * (1 - np.cos(np.pi * (np.arange(400) + 0.5) / 400))
-    r = np.sqrt(square)
-    fits = [np.polynomial.Polynomial.fit(square, y, 8, domain=[0, 0.25], window=[0, 0.25]).coef
-            for y in (np.cos(2 * np.pi * r), np.sin(2 * np.pi * r) / r)]  # fmt: skip
-    return tuple(map(float, fits[0])), tuple(map(float, fits[1]))
-
-
-_COS, _SIN = _circle()
-
-
-@njit(fastmath=True)
-def _cos_sin(cycles: float) -> tuple[float, float]:
-    r = cycles - np.floor(cycles + 0.5)
-    q = r * r
-    cosine, sine = _COS[8], _SIN[8]
-    for n in range(7, -1, -1):
-        cosine = cosine * q + _COS[n]
-        sine = sine * q + _SIN[n]
-    return cosine, sine * r
 
 
 _READ4, _READ2 = (
@@ -71,7 +48,7 @@ def tabulate(a, dispersion, amplitude, tau, tx, first, lower, powers, gains, del
     real, imaginary = np.empty(orders), np.empty(orders)
     for path in range(len(delays)):
         for lane in range(LANES):
-            rx = min(first + lane, last)
+            rx = first + lane if first + lane < last else last
             of_tau = tau[tx, rx, path]
             for knot in range(knots):
                 delays[path, knot, lane] = of_tau[knot]
@@ -114,33 +91,33 @@ def _mean(values: Any, n: int) -> float:
 
 
 @njit(fastmath=_FAST)
-def _interpolate(flat, path, weights, block, derivatives, out):  # type: ignore[no-untyped-def]
-    """Delay and its `derivatives` in v, for each lane, from flat (path, knot, lane), by the weights of a block."""
+def _interpolate(delays, path, weights, block, derivatives, out):  # type: ignore[no-untyped-def]
+    """Delay and its `derivatives` in v, for each lane, from (path, knot, lane), by the weights of a block."""
     first, padded = path * weights.shape[2], weights.shape[2]
     for n in range(derivatives + 1):
         set3(
-            out, LANES * n, flat, first * LANES, weights[block, n, 0], weights[block, n, 1], weights[block, n, 2]
+            out, LANES * n, delays, first * LANES, weights[block, n, 0], weights[block, n, 1], weights[block, n, 2]
         )  # fmt: skip
         for knot in range(3, padded, 3):
             add3(
-                out, LANES * n, flat, (first + knot) * LANES,
+                out, LANES * n, delays, (first + knot) * LANES,
                 weights[block, n, knot], weights[block, n, knot + 1], weights[block, n, knot + 2],
             )  # fmt: skip
 
 
 @njit(fastmath=_FAST)
-def _interpolate_gains(x, target, flat, place, weights, row, add):  # type: ignore[no-untyped-def]
+def _interpolate_gains(x, target, gains, place, weights, row, add):  # type: ignore[no-untyped-def]
     """Write the gains of a `place`, counted in paths and orders, by a row of the weights (row, knot) to the vector
     `target` of x, or `add` them."""
     padded, vector = weights.shape[1], 2 * LANES
     first, into = place * padded * vector, target * vector
     if add:
-        add3(x, into, flat, first, weights[row, 0], weights[row, 1], weights[row, 2])
+        add3(x, into, gains, first, weights[row, 0], weights[row, 1], weights[row, 2])
     else:
-        set3(x, into, flat, first, weights[row, 0], weights[row, 1], weights[row, 2])
+        set3(x, into, gains, first, weights[row, 0], weights[row, 1], weights[row, 2])
     for knot in range(3, padded, 3):
         add3(
-            x, into, flat, first + knot * vector, weights[row, knot], weights[row, knot + 1], weights[row, knot + 2]
+            x, into, gains, first + knot * vector, weights[row, knot], weights[row, knot + 1], weights[row, knot + 2]
         )  # fmt: skip
 
 
@@ -171,13 +148,14 @@ def _angles(at, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
 )  # fmt: skip
 def beat_bounds(delays, weights, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
     """Least and largest beat [cycles over u = 0 … 1] at the middles of the blocks; arguments as :func:`spread`."""
-    low, high, at, flat = np.inf, -np.inf, np.empty(4 * LANES), delays.reshape(delays.size)
+    low, high, at = np.inf, -np.inf, np.empty(4 * LANES)
     for block in range(len(weights)):
         for path in range(len(delays)):
-            _interpolate(flat, path, weights, block, 1, at)
+            _interpolate(delays, path, weights, block, 1, at)
             d = _mean(at, 0)
             beat = per_u * (mu * d + rate * _mean(at, LANES) * (f - mu * d))
-            low, high = min(low, beat), max(high, beat)
+            low = beat if beat < low else low
+            high = beat if beat > high else high
     return low, high
 
 
@@ -191,24 +169,26 @@ def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[n
     u, v, v^2, u^2 v^2 and u^2 (10 … 14). Arguments as :func:`spread`.
     """
     out, at, x = np.zeros(15), np.empty(4 * LANES), np.zeros(12 * LANES, np.float32)
-    flat, flat_gains, orders = delays.reshape(delays.size), gains.reshape(gains.size), gains.shape[1]
+    orders = gains.shape[1]
     for block in range(len(weights)):
         single = weights[block].astype(np.float32)
         for path in range(len(delays)):
-            _interpolate(flat, path, weights, block, 3, at)
+            _interpolate(delays, path, weights, block, 3, at)
             uv, vv, vvv, uu, uvv = _angles(at, f, mu, per_u, half, rate)
             for n in range(4):
-                _interpolate_gains(x, n, flat_gains, path * orders, single, n, False)
+                _interpolate_gains(x, n, gains, path * orders, single, n, False)
             if orders > 1:
-                _interpolate_gains(x, 4, flat_gains, path * orders + 1, single, 0, False)
-                _interpolate_gains(x, 5, flat_gains, path * orders + 1, single, 2, False)
+                _interpolate_gains(x, 4, gains, path * orders + 1, single, 0, False)
+                _interpolate_gains(x, 5, gains, path * orders + 1, single, 2, False)
             g, g1, g2, g3 = _power(x, 0), _power(x, 1), _power(x, 2) / 4, _power(x, 3) / 36
             s, s2 = _power(x, 4), _power(x, 5) / 4
             # Deviation of the lanes from their mean.
             d, d1, over_u, over_v = _mean(at, 0), _mean(at, LANES), 0.0, 0.0
             for lane in range(LANES):
-                over_u = max(over_u, abs(2 * np.pi * per_u * mu * (at[lane] - d)))
-                over_v = max(over_v, abs(2 * np.pi * f * (at[LANES + lane] - d1)))
+                of_u = abs(2 * np.pi * per_u * mu * (at[lane] - d))
+                of_v = abs(2 * np.pi * f * (at[LANES + lane] - d1))
+                over_u = of_u if of_u > over_u else over_u
+                over_v = of_v if of_v > over_v else over_v
             uv2, vv2, uu2, vvv2 = uv * uv, vv * vv, uu * uu, vvv * vvv
             out[0] += g
             out[1] += g * (uu2 * uu2 * uu2 / 468 + over_u**6 / 252 + over_u**4 * uu2 / 36) + s * uu2 * uu2 / 44
@@ -343,11 +323,11 @@ def spread(  # type: ignore[no-untyped-def]
     vector, powers = 2 * LANES, doppler_taps.shape[1]
     raw, sources = np.zeros(6 * vector, np.float32), np.empty((_SOURCES + 2) * vector, np.float32)
     factors = np.zeros(4 * vector, np.float32)
-    factors[3 * vector + 1 :: 2] = 1
+    for lane in range(LANES):
+        factors[3 * vector + 2 * lane + 1] = 1
     terms = np.empty((DEGREE + 1) * powers * 6, np.float32)
     folded, line = np.empty((DEGREE + 1) * powers * vector, np.float32), np.empty((DEGREE + 1) * vector, np.float32)
-    at, flat = np.empty(4 * LANES), grid.reshape(grid.size)
-    flat_delays, flat_gains = delays.reshape(delays.size), gains.reshape(gains.size)
+    at = np.empty(4 * LANES)
     dopplers, beats, orders = grid.shape[1], grid.shape[2], gains.shape[1]
     rows, columns = doppler_taps.shape[2], beat_taps.shape[2]
     one, none, single = np.float32(1), np.float32(0), np.empty((5, weights.shape[2]), np.float32)
@@ -356,25 +336,25 @@ def spread(  # type: ignore[no-untyped-def]
         for n, derivative, scale in ((0, 0, 1.0), (1, 1, 1.0), (2, 2, 0.5), (3, 1, half * rate), (4, 2, half * rate)):
             single[n] = scale * weights[block, derivative]
         for path in range(len(delays)):
-            _interpolate(flat_delays, path, weights, block, 3, at)
+            _interpolate(delays, path, weights, block, 3, at)
             d, d1 = _mean(at, 0), _mean(at, LANES)
             row, d_place, v_turns = _place(d1 * (f - mu * d), rows)
             column, b_place, u_turns = _place(per_u * (mu * d + rate * d1 * (f - mu * d)), columns)
             column = column % period if period else column - first
             place = path * orders
-            _interpolate_gains(raw, 0, flat_gains, place, single, 0, False)
-            _interpolate_gains(raw, 1, flat_gains, place, single, 3, False)
-            _interpolate_gains(raw, 2, flat_gains, place, single, 1, False)
-            _interpolate_gains(raw, 4, flat_gains, place, single, 2, False)
-            _interpolate_gains(raw, 5, flat_gains, place, single, 4, False)
+            _interpolate_gains(raw, 0, gains, place, single, 0, False)
+            _interpolate_gains(raw, 1, gains, place, single, 3, False)
+            _interpolate_gains(raw, 2, gains, place, single, 1, False)
+            _interpolate_gains(raw, 4, gains, place, single, 2, False)
+            _interpolate_gains(raw, 5, gains, place, single, 4, False)
             if orders > 1:
-                _interpolate_gains(raw, 1, flat_gains, place + 1, single, 0, True)
-                _interpolate_gains(raw, 5, flat_gains, place + 1, single, 1, True)
+                _interpolate_gains(raw, 1, gains, place + 1, single, 0, True)
+                _interpolate_gains(raw, 5, gains, place + 1, single, 1, True)
             if orders > 2:
-                _interpolate_gains(raw, 3, flat_gains, place + 2, single, 0, False)
+                _interpolate_gains(raw, 3, gains, place + 2, single, 0, False)
             for lane in range(LANES):
                 own, doppler = at[lane], at[LANES + lane] * (f - mu * at[lane])
-                cosine, sine = _cos_sin(own * (f - 0.5 * mu * own))
+                cosine, sine = cos_sin(own * (f - 0.5 * mu * own))
                 factors[2 * lane] = cosine
                 factors[2 * lane + 1] = sine
                 factors[vector + 2 * lane + 1] = 2 * np.pi * (per_u * (mu * own + rate * doppler) - u_turns)
@@ -405,6 +385,6 @@ def spread(  # type: ignore[no-untyped-def]
                         )  # fmt: skip
                 for k in range(columns):
                     add3(
-                        flat, target + k * vector, line, 0,
+                        grid, target + k * vector, line, 0,
                         beat_taps[b_place, 0, k], beat_taps[b_place, 1, k], beat_taps[b_place, 2, k],
                     )  # fmt: skip
