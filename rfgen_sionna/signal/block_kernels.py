@@ -321,7 +321,7 @@ def spread(  # type: ignore[no-untyped-def]
     change of v per second. Taps are (position, power, tap); `over_v` and `over_u` (power, lower power) reduce powers.
     """
     vector, powers = 2 * LANES, doppler_taps.shape[1]
-    raw, sources = np.zeros(6 * vector, np.float32), np.empty((_SOURCES + 2) * vector, np.float32)
+    raw, sources = np.zeros(6 * vector, np.float32), np.zeros((_SOURCES + 2) * vector, np.float32)
     factors = np.zeros(4 * vector, np.float32)
     for lane in range(LANES):
         factors[3 * vector + 2 * lane + 1] = 1

@@ -272,8 +272,11 @@ def _synthesize_moving(
 ) -> Iterator[tuple[Channels, NDArray[np.complexfloating[Any]]]]:
     """(chirp, rx, sample) of groups of channels in blocks of loops, or (chirp, sample) of each channel where `eps`, the
     motion or the device demands a transform per chirp."""
+    transmitters = _transmitters(weights)
+    if not transmitters:
+        return
     if eps >= LEAST_EPS and device == "cpu":
-        echoes = block_echoes(radar, paths, start, _transmitters(weights), eps)
+        echoes = block_echoes(radar, paths, start, transmitters, eps)
         if echoes is not None:
             yield from echoes
             return

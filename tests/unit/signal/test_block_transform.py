@@ -199,6 +199,14 @@ def test_the_same_bits_every_time():
     np.testing.assert_array_equal(first, second)
 
 
+@pytest.mark.parametrize("eps", [5e-3, 1e-6])
+def test_no_tx_no_signal(eps):
+    radar = short("awr1843", "mmmesh", loops=4)
+    delay, gain = scene(radar)
+    paths = make_paths(radar, gain, delay, knots(radar))
+    assert not synthesize(radar, paths, 0.0, eps=eps, tx_gains=np.zeros(3), device="cpu").any()
+
+
 def test_blocks_need_no_tracer():
     code = (
         "import sys; from tests.unit.signal.test_block_transform import *\n"
