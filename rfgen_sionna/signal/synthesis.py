@@ -272,8 +272,7 @@ def _synthesize_moving(
 ) -> Iterator[tuple[Channels, NDArray[np.complexfloating[Any]]]]:
     """(chirp, rx, sample) of groups of channels in blocks of loops, or (chirp, sample) of each channel where `eps`, the
     motion or the device demands a transform per chirp."""
-    transmitters = _transmitters(weights)
-    if not transmitters:
+    if not (transmitters := _transmitters(weights)):
         return
     if eps >= LEAST_EPS and device == "cpu":
         echoes = block_echoes(radar, paths, start, transmitters, eps)
