@@ -63,7 +63,7 @@ def element_gains(radar: Radar, paths: RadarPaths) -> FloatArray:
     to_device = radar.rotation  # row vectors: world @ R = device
     root = math.sqrt(1e-3 * 10.0 ** (radar.tx_power_dbm / 10.0))
     departing = radar.pattern.amplitude(paths.direction @ to_device)
-    if paths.arrival is paths.direction:
+    if paths.arrival is paths.direction or np.array_equal(paths.arrival, paths.direction):
         return root * departing * departing
     return root * departing * radar.pattern.amplitude(paths.arrival @ to_device)
 
@@ -80,26 +80,31 @@ def conjugate_gains(
     scaled = np.conj(found.astype(number, copy=False)) * amplitude
     if paths.dispersion is None:
         return np.asarray(scaled)
-    orders, waveform = len(scaled), radar.waveform
+    orders = len(scaled)
     # A signal that arrives at t was sent at t - tau, with the frequency f_c + mu (t - tau): powers of (f - frequency) /
     # half_band become powers of the frequency sent at t, lower by mu tau.
     delay = paths.tau[tx, rx]
     if delay.shape[-1] != scaled.shape[-1]:
         delay = delay.mean(axis=-1, keepdims=True)
-    lower = (-waveform.slope / paths.half_band * delay).astype(amplitude.dtype)
+    lower = (-radar.waveform.slope / paths.half_band * delay).astype(amplitude.dtype)
     for least in range(orders - 1):
         for order in range(orders - 2, least - 1, -1):
             scaled[order] += lower * scaled[order + 1]
-    # Those become powers of u.
-    shift = (waveform.start_frequency + waveform.slope * window.middle - paths.frequency) / paths.half_band
-    scale = waveform.slope * window.half / paths.half_band
-    powers = np.array(
-        [[math.comb(m, n) * shift ** max(m - n, 0) * scale**n for m in range(orders)] for n in range(orders)]
-    )
+    powers = frequency_powers(radar, paths, window, orders)
     # Real matrix times complex vectors, as one real product.
     flat = np.ascontiguousarray(scaled).reshape(orders, -1).view(amplitude.dtype)
     joined = powers.astype(amplitude.dtype) @ flat
     return np.asarray(joined.view(number).reshape(scaled.shape))
+
+
+def frequency_powers(radar: Radar, paths: RadarPaths, window: AdcWindow, orders: int) -> FloatArray:
+    """(order of u, order) matrix from powers of (f - frequency) / half_band, f sent in the window, to powers of u."""
+    waveform = radar.waveform
+    shift = (waveform.start_frequency + waveform.slope * window.middle - paths.frequency) / paths.half_band
+    scale = waveform.slope * window.half / paths.half_band
+    return np.array(
+        [[math.comb(m, n) * shift ** max(m - n, 0) * scale**n for m in range(orders)] for n in range(orders)]
+    )
 
 
 def phase_terms(

@@ -1,12 +1,14 @@
-"""FMCW synthesis: paths to dechirped samples, one nonuniform FFT per chirp and element pair.
+"""FMCW synthesis: paths to dechirped samples.
 
 The dechirped signal of a path of delay tau(t) is (sign of TI, Infineon and RF Genesis)
 
     s(t) = conj(A) exp(j 2 pi [f_c tau + mu t tau - mu tau^2 / 2]),   t from the start of the ramp.
 
 `A` is conjugated because the mixer multiplies the transmitted signal with the conjugate of the received one. The phase
-is a constant, a beat frequency and a small quadratic term (:mod:`rfgen_sionna.signal.path_phases`); a nonuniform FFT
-sums them (:mod:`rfgen_sionna.signal.nufft`). The slope mu may be negative or 0, which leaves Doppler alone.
+is a constant, a beat frequency and a small quadratic term (:mod:`rfgen_sionna.signal.path_phases`). At loose tolerances
+a nonuniform FFT over beat and Doppler sums blocks of loops (:mod:`rfgen_sionna.signal.block_transform`), else one over
+the beat each chirp and element pair (:mod:`rfgen_sionna.signal.nufft`). The slope mu may be negative or 0, which leaves
+Doppler alone.
 
 Gains that change with time (visibility, element pattern, return of a facet) are linear over the ADC window of a chirp,
 or constant where the change is negligible. Where that or the quadratic phase does not suffice, as for fast rotors in
@@ -29,6 +31,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import RadarPaths, knot_weights
 from rfgen_sionna.scene.mitsuba_backend import ensure_llvm, has_cuda
+from rfgen_sionna.signal.block_transform import LEAST_EPS, block_echoes
 from rfgen_sionna.signal.nufft import (
     BEAT,
     GAINS,
@@ -59,6 +62,8 @@ _SHARE = 12  # least number of parts of a frame for the larger grid
 
 MAX_TIME = 1e10
 """Largest |start| of a frame [s]: beyond it float64 does not resolve the times of chirps."""
+MAX_EPS = 0.3
+"""Largest relative error that may be asked for."""
 _VALUES = ("a", "tau", "tau_rate", "times", "direction", "arrival", "dispersion")
 
 
@@ -82,7 +87,7 @@ def synthesize(
     start
         Start of the frame's first ramp [s], on the clock of `paths.times`.
     eps
-        Relative accuracy of the transforms.
+        Relative accuracy of the samples. From 1e-3 on the CPU sums blocks of loops, where the motion allows it.
     tx_gains
         (tx,) complex gains of the Tx elements, for elements that radiate at once; None is 1.
     device
@@ -101,7 +106,7 @@ def synthesize(
         If the paths have another number of elements or are not finite, their knots do not cover the frame, the device
         does not exist, or another argument is out of range.
     BackendError
-        If the CPU computes and Dr.Jit finds no LLVM; the message names the cure.
+        If the CPU sums chirp by chirp and Dr.Jit finds no LLVM; the message names the cure.
     """
     check_synthesis(radar, paths, start, eps, tx_gains)
     waveform = radar.waveform
@@ -116,9 +121,6 @@ def synthesize(
                 f"paths.times cover {paths.times[0]:.6f} … {paths.times[-1]:.6f} s; the frame lasts from "
                 f"{start:.6f} to {start + waveform.frame_length:.6f} s"
             )
-        if len(paths.times) < MIN_SPLINE_KNOTS:
-            # The delay is a polynomial through two or three knots; the phase, quadratic in it, needs a spline of more.
-            paths = paths.at(np.linspace(paths.times[0], paths.times[-1], 2 * MIN_SPLINE_KNOTS + 1))
     device = chosen_device(device)
     samples = np.zeros(radar.frame_shape, dtype=np.complex128)
     if paths.num_paths == 0:
@@ -131,15 +133,21 @@ def synthesize(
         tx_feeds, rx_feeds = (feeds.conj() for feeds in part.feed_factors)
         weights = np.conj(part.waveform.axis_weights) * (gains[tx] * tx_feeds)
         still = not np.any(own.tau_rate) and bool(np.all(own.tau == own.tau[..., :1]))
+        first_tx = dict(reversed(_transmitters(weights)))
         with one_blas_thread():
             echoes = (
                 _synthesize_static(part, own, start, weights, eps)
                 if still
-                else _synthesize_in_parts(part, own, start, weights, eps, device)
+                else _synthesize_moving(part, own, start, weights, eps, device)
             )
             for (entry, tx_index, rx), echo in echoes:
-                factor = weights[:, entry, tx_index, None] * rx_feeds[rx]
-                samples[:, axis[entry], rx] += echo if np.all(factor == 1) else factor * echo
+                into = samples[:, axis[entry], rx]
+                factor = np.multiply.outer(weights[:, entry, tx_index], rx_feeds[rx])[..., None]
+                echo = echo if np.all(factor == 1) else factor * echo
+                if tx_index == first_tx[entry]:
+                    into[...] = echo  # no page of the zeros is read
+                else:
+                    into += echo
     return samples
 
 
@@ -150,8 +158,8 @@ def check_synthesis(radar: Radar, paths: RadarPaths, start: float, eps: float, t
     if not isinstance(paths, RadarPaths):
         raise TypeError(f"paths is a {type(paths).__name__}: RadarPaths are needed, such as of Simulator.paths")
     check_time("start", start)
-    if not (is_number(eps) and 1e-14 <= eps <= 0.1):
-        raise ValueError(f"eps is {eps!r}: a value in 1e-14 … 0.1 is needed")
+    if not (is_number(eps) and 1e-14 <= eps <= MAX_EPS):
+        raise ValueError(f"eps is {eps!r}: a value in 1e-14 … {MAX_EPS:g} is needed")
     if tx_gains is not None:
         _check_tx_gains(tx_gains, len(radar.tx_positions))
     for name in _VALUES:
@@ -212,12 +220,18 @@ def _subset(paths: RadarPaths, tx: list[int] | slice, part: slice) -> RadarPaths
 
 Channel = tuple[int, int, int]
 """Entry of the axis "tx", Tx element in it, Rx element."""
+Channels = tuple[int, int, int | slice]
+"""The same of one or several Rx elements."""
+
+
+def _transmitters(weights: ComplexArray) -> list[tuple[int, int]]:
+    """Entries of the axis "tx" with each Tx element in them."""
+    on = np.any(weights != 0, axis=0)
+    return [(entry, int(tx)) for entry in range(len(on)) for tx in np.flatnonzero(on[entry])]
 
 
 def _channels(radar: Radar, weights: ComplexArray) -> list[Channel]:
-    receivers = range(len(radar.rx_positions))
-    on = np.any(weights != 0, axis=0)
-    return [(entry, int(tx), rx) for entry in range(len(on)) for tx in np.flatnonzero(on[entry]) for rx in receivers]
+    return [(*each, rx) for each in _transmitters(weights) for rx in range(len(radar.rx_positions))]
 
 
 def _synthesize_static(
@@ -253,17 +267,35 @@ def _synthesize_static(
         yield (entry, tx, rx), np.asarray(chirps, dtype=np.complex128)
 
 
+def _synthesize_moving(
+    radar: Radar, paths: RadarPaths, start: float, weights: ComplexArray, eps: float, device: str
+) -> Iterator[tuple[Channels, NDArray[np.complexfloating[Any]]]]:
+    """(chirp, rx, sample) of groups of channels in blocks of loops, or (chirp, sample) of each channel where `eps`, the
+    motion or the device demands a transform per chirp."""
+    if not (transmitters := _transmitters(weights)):
+        return
+    if eps >= LEAST_EPS and device == "cpu":
+        echoes = block_echoes(radar, paths, start, transmitters, eps)
+        if echoes is not None:
+            yield from echoes
+            return
+    if 1 < len(paths.times) < MIN_SPLINE_KNOTS:
+        # The delay is a polynomial through two or three knots; the phase, quadratic in it, needs a spline of more.
+        paths = paths.at(np.linspace(paths.times[0], paths.times[-1], 2 * MIN_SPLINE_KNOTS + 1))
+    yield from _synthesize_in_parts(radar, paths, start, weights, eps, device)
+
+
 def _synthesize_in_parts(
     radar: Radar, paths: RadarPaths, start: float, weights: ComplexArray, eps: float, device: str
 ) -> Iterator[tuple[Channel, ComplexArray]]:
     """(chirp, sample) of each channel, in as many parts of the ADC window as the motion demands."""
     windows = AdcWindow.parts(radar, needed_parts(radar, paths, eps))
-    parts = [_synthesize_moving(radar, paths, start, weights, eps, device, window) for window in windows]
+    parts = [_synthesize_window(radar, paths, start, weights, eps, device, window) for window in windows]
     for found in zip(*parts, strict=True):
         yield found[0][0], np.concatenate([echo for _, echo in found], axis=1) if len(found) > 1 else found[0][1]
 
 
-def _synthesize_moving(
+def _synthesize_window(
     radar: Radar,
     paths: RadarPaths,
     start: float,

@@ -14,7 +14,7 @@ import pytest
 import rfgen_sionna
 
 PACKAGE = Path(rfgen_sionna.__file__).parent
-HEAVY = {"torch", "anny", "diffusers", "transformers", "mitsuba", "drjit", "sionna", "matplotlib"}
+HEAVY = {"torch", "anny", "diffusers", "transformers", "mitsuba", "drjit", "sionna", "matplotlib", "numba"}
 
 
 def modules_after(code: str) -> set[str]:
