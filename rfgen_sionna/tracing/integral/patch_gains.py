@@ -27,8 +27,6 @@ MAX_PARTS = 8
 """Largest number of pieces along an edge."""
 MIN_DISTANCE = 1e-4
 """Distance of an element [m] below which a facet returns nothing."""
-MIN_COSINE = 1e-3
-"""Cosine of incidence below which the strength stays that of this angle."""
 _POINTS = (2 * MAX_PARTS + 1) * (MAX_PARTS + 1)
 
 
@@ -44,11 +42,9 @@ def _edge_sagitta(normals: Any, g: int, h: int, chord: Any) -> tuple[float, floa
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _on_patch(
-    a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, u: float, v: float, w: float
-) -> tuple[float, float, float]:
-    """Point at barycentric coordinates `u`, `v`, `w` of a patch with corners `a`, `b`, `c` and sagittas `r`, `s`,
-    `t`."""
+def _on_patch(a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, place: Any) -> tuple[float, float, float]:
+    """Point at barycentric coordinates `place` of a patch with corners `a`, `b`, `c` and sagittas `r`, `s`, `t`."""
+    u, v, w = place
     p, q, o = 4.0 * v * w, 4.0 * w * u, 4.0 * u * v
     return (
         u * a[0] + v * b[0] + w * c[0] + p * r[0] + q * s[0] + o * t[0],
@@ -58,9 +54,12 @@ def _on_patch(
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _store(lattice: Any, m: int, point: Any) -> None:
-    """Write a `point` to row `m`."""
-    lattice[m, 0], lattice[m, 1], lattice[m, 2] = point
+def _area_element(a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, place: Any) -> tuple[float, float, float]:
+    """Vector area element there, of twice the area's length."""
+    u, v, w = scaled(place, 4.0)
+    of_u = plus(a, plus(scaled(s, w), scaled(t, v)))
+    of_v, of_w = plus(b, plus(scaled(r, w), scaled(t, u))), plus(c, plus(scaled(r, v), scaled(s, u)))
+    return cross(minus(of_v, of_u), minus(of_w, of_u))
 
 
 @njit(fastmath=FAST, error_model="numpy")
@@ -103,51 +102,49 @@ def patch_gains(
     gradient
         (chosen, 3) gradient of the logarithm of the pattern gain [1/m]; empty means none.
     """
-    lattice, path = np.empty((_POINTS, 3)), np.empty(_POINTS)
+    path, weight = np.empty(_POINTS), np.empty(_POINTS)
     tx_field, rx_field = (fields[0, 0], fields[0, 1], fields[0, 2]), (fields[1, 0], fields[1, 1], fields[1, 2])
+    zero, tilt = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for q in range(chosen.shape[0]):
         f = chosen[q]
         face = face_of[f]
         i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
-        a, b, c = (points[i, 0], points[i, 1], points[i, 2]), (points[j, 0], points[j, 1], points[j, 2]), (
-            points[k, 0], points[k, 1], points[k, 2])  # fmt: skip
+        a, b, c = (
+            (points[i, 0], points[i, 1], points[i, 2]), (points[j, 0], points[j, 1], points[j, 2]),
+            (points[k, 0], points[k, 1], points[k, 2]),
+        )  # fmt: skip
         g, h, o = group[face, 0], group[face, 1], group[face, 2]
-        flat = g < 0
         r, s, t = (
             _edge_sagitta(normals, h, o, minus(c, b)), _edge_sagitta(normals, o, g, minus(a, c)),
             _edge_sagitta(normals, g, h, minus(b, a)),
         )  # fmt: skip
-        u0, v0, w0, u1, v1, w1, u2, v2, w2 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
+        # Barycentric coordinates of the facet's corners in its face, and its share of the face.
+        one, two, three = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+        share = 1.0
         if weights.shape[0]:
-            u0, v0, w0 = weights[f, 0, 0], weights[f, 0, 1], weights[f, 0, 2]
-            u1, v1, w1 = weights[f, 1, 0], weights[f, 1, 1], weights[f, 1, 2]
-            u2, v2, w2 = weights[f, 2, 0], weights[f, 2, 1], weights[f, 2, 2]
-        um, vm, wm = (u0 + u1 + u2) / 3.0, (v0 + v1 + v2) / 3.0, (w0 + w1 + w2) / 3.0
-        zero = (0.0, 0.0, 0.0)
-        middle = _on_patch(a, b, c, zero, zero, zero, um, vm, wm)  # of the flat facet
+            one = (weights[f, 0, 0], weights[f, 0, 1], weights[f, 0, 2])
+            two = (weights[f, 1, 0], weights[f, 1, 1], weights[f, 1, 2])
+            three = (weights[f, 2, 0], weights[f, 2, 1], weights[f, 2, 2])
+            share = abs(dot(one, cross(two, three)))
+        centre = scaled(plus(plus(one, two), three), 1.0 / 3.0)
+        middle = _on_patch(a, b, c, zero, zero, zero, centre)  # of the flat facet
         centroids[q, 0], centroids[q, 1], centroids[q, 2] = middle
         for n in range(nodes.shape[0]):
             gains[n, q] = 0.0
         if visible[q] <= 0.0:
             continue
-        # Vector area of the face's front, turned to the radar.
-        front = cross(minus(b, a), minus(c, a))
-        inward = dot(front, middle) > 0.0
+        inward = dot(cross(minus(b, a), minus(c, a)), middle) > 0.0
         if inward and single[face]:
             continue
         side = -1.0 if inward else 1.0
-        top = middle if flat else _on_patch(a, b, c, r, s, t, um, vm, wm)
-        facing = scaled(front, side)
-        if not flat:  # vector area of the patch in the middle
-            along = minus(_on_patch(a, b, c, r, s, t, u1, v1, w1), _on_patch(a, b, c, r, s, t, u0, v0, w0))
-            across = minus(_on_patch(a, b, c, r, s, t, u2, v2, w2), _on_patch(a, b, c, r, s, t, u0, v0, w0))
-            facing = scaled(cross(along, across), side)
+        top, facing = _on_patch(a, b, c, r, s, t, centre), scaled(_area_element(a, b, c, r, s, t, centre), side)
         size = norm(facing)
         if size <= 0.0:
             continue
         facing = scaled(facing, 1.0 / size)
-        parts, base, before, apart, element = 0, 0.0, -1, False, zero
-        direction, tilt = zero, zero
+        if gradient.shape[0]:
+            tilt = (gradient[q, 0], gradient[q, 1], gradient[q, 2])
+        parts, before = 1, -1
         for n in range(nodes.shape[0]):
             here, there = (nodes[n, 0], nodes[n, 1], nodes[n, 2]), (nodes[n, 3], nodes[n, 4], nodes[n, 5])
             wavenumber = nodes[n, 6]
@@ -156,119 +153,65 @@ def patch_gains(
                 for m in range(6):
                     same = same and nodes[n, m] == nodes[before, m]
             if not same:
+                before = n
                 element = scaled(plus(here, there), 0.5)
-                apart = bistatic
                 if not bistatic:
                     here = there = element
-                base = _path_length(middle, here, there, apart)
-                direction = minus(top, element)
-                distance = norm(direction)
-                direction = scaled(direction, 1.0 / max(distance, MIN_DISTANCE))
-                cosine = -dot(direction, facing)
-                tilt = zero
-                if gradient.shape[0]:
-                    tilt = (gradient[q, 0], gradient[q, 1], gradient[q, 2])
-                if flat:  # of cos / R^2
-                    tilt = plus(tilt, scaled(direction, -3.0 / max(distance, MIN_DISTANCE)))
-                    tilt = plus(tilt, scaled(facing, -1.0 / (max(cosine, MIN_COSINE) * max(distance, MIN_DISTANCE))))
-                # Pieces along an edge, by the quadratic phase in the middle of the facet's edges.
-                ends = (
-                    _on_patch(a, b, c, r, s, t, u0, v0, w0), _on_patch(a, b, c, r, s, t, u1, v1, w1),
-                    _on_patch(a, b, c, r, s, t, u2, v2, w2),
-                )  # fmt: skip
-                l0 = _path_length(ends[0], here, there, apart)
-                l1 = _path_length(ends[1], here, there, apart)
-                l2 = _path_length(ends[2], here, there, apart)
-                p0 = _on_patch(a, b, c, r, s, t, 0.5 * (u1 + u2), 0.5 * (v1 + v2), 0.5 * (w1 + w2))
-                p1 = _on_patch(a, b, c, r, s, t, 0.5 * (u2 + u0), 0.5 * (v2 + v0), 0.5 * (w2 + w0))
-                p2 = _on_patch(a, b, c, r, s, t, 0.5 * (u0 + u1), 0.5 * (v0 + v1), 0.5 * (w0 + w1))
-                e0 = _path_length(p0, here, there, apart)
-                e1 = _path_length(p1, here, there, apart)
-                e2 = _path_length(p2, here, there, apart)
-                rise = max(abs(0.5 * (l1 + l2) - e0), abs(0.5 * (l2 + l0) - e1), abs(0.5 * (l0 + l1) - e2))
-                parts = min(max(int(np.ceil(np.sqrt(wavenumber * rise / most_sagitta))), 1), MAX_PARTS)
-                if parts == 1:
-                    for m in range(3):
-                        _store(lattice, m, ends[m])
-                    for m, length in enumerate((l0, l1, l2, e0, e1, e2)):
-                        path[m] = length - base
-                else:
-                    m = 0
+                base = _path_length(middle, here, there, bistatic)
+                distance = max(norm(minus(top, element)), MIN_DISTANCE)
+                parts = 1
+                for attempt in range(2):
+                    m, scale = 0, -side * share * (distance / parts) ** 2
                     for row in range(2 * parts + 1):
                         for column in range(2 * parts + 1 - row):
-                            x, y = row / (2.0 * parts), column / (2.0 * parts)
-                            z = 1.0 - x - y
-                            p = _on_patch(
-                                a,
-                                b,
-                                c,
-                                r,
-                                s,
-                                t,
-                                z * u0 + x * u1 + y * u2,
-                                z * v0 + x * v1 + y * v2,
-                                z * w0 + x * w1 + y * w2,
-                            )
-                            _store(lattice, m, p)
-                            path[m] = _path_length(p, here, there, apart) - base
+                            x, y = 0.5 * row / parts, 0.5 * column / parts
+                            place = plus(plus(scaled(one, 1.0 - x - y), scaled(two, x)), scaled(three, y))
+                            point = _on_patch(a, b, c, r, s, t, place)
+                            path[m] = _path_length(point, here, there, bistatic) - base
+                            if row % 2 == 0 and column % 2 == 0:
+                                # Projected area over the squared distance, relative to that of the middle.
+                                offset = minus(point, element)
+                                away = max(norm(offset), MIN_DISTANCE)
+                                projected = dot(_area_element(a, b, c, r, s, t, place), offset) / away**3
+                                weight[m] = max(scale * projected, 0.0) * (1.0 + dot(tilt, minus(point, top)))
                             m += 1
-                before = n
+                    if attempt == 0:
+                        # Pieces along an edge, by the quadratic phase in the middle of the facet's edges.
+                        rise = max(
+                            abs(0.5 * (path[0] + path[2]) - path[1]), abs(0.5 * (path[0] + path[5]) - path[3]),
+                            abs(0.5 * (path[2] + path[5]) - path[4]),
+                        )  # fmt: skip
+                        parts = min(max(int(np.ceil(np.sqrt(wavenumber * rise / most_sagitta))), 1), MAX_PARTS)
+                        if parts == 1:
+                            break
             strength = obliquity(
                 media[n, material[face]], wavenumber, facing, top, (nodes[n, 0], nodes[n, 1], nodes[n, 2]),
                 (nodes[n, 3], nodes[n, 4], nodes[n, 5]), tx_field, rx_field, bistatic,
             )  # fmt: skip
             total = 0j
-            if parts == 1:
-                p0, p1, p2 = (
-                    (lattice[0, 0], lattice[0, 1], lattice[0, 2]), (lattice[1, 0], lattice[1, 1], lattice[1, 2]),
-                    (lattice[2, 0], lattice[2, 1], lattice[2, 2]),
-                )  # fmt: skip
-                projected = -side * dot(cross(minus(p1, p0), minus(p2, p0)), direction)
-                if projected > 0.0:
-                    total = projected * mean_phasor(
-                        wavenumber * path[0], wavenumber * path[1], wavenumber * path[2],
-                        1.0 + dot(tilt, minus(p0, top)), 1.0 + dot(tilt, minus(p1, top)), 1.0 + dot(tilt, minus(p2,
-                        top)), wavenumber * (0.5 * (path[1] + path[2]) - path[3]), wavenumber * (0.5 * (path[2] +
-                        path[0]) - path[4]), wavenumber * (0.5 * (path[0] + path[1]) - path[5]),
-                    )  # fmt: skip
-            else:
-                double = 2 * parts
-                for row in range(parts):
-                    for column in range(parts - row):
-                        for turned in range(2):
-                            if turned and column == parts - row - 1:
-                                continue
-                            # Corners and edge middles on the lattice of half steps.
-                            x0, y0, x1, y1, x2, y2 = (
-                                2 * row,
-                                2 * column,
-                                2 * row + 2,
-                                2 * column,
-                                2 * row,
-                                2 * column + 2,
-                            )
-                            if turned:
-                                x0, y0 = 2 * row + 2, 2 * column
-                                x1, y1 = 2 * row + 2, 2 * column + 2
-                                x2, y2 = 2 * row, 2 * column + 2
-                            i0, i1, i2 = _place(double, x0, y0), _place(double, x1, y1), _place(double, x2, y2)
-                            m0 = _place(double, (x1 + x2) // 2, (y1 + y2) // 2)
-                            m1 = _place(double, (x2 + x0) // 2, (y2 + y0) // 2)
-                            m2 = _place(double, (x0 + x1) // 2, (y0 + y1) // 2)
-                            p0 = (lattice[i0, 0], lattice[i0, 1], lattice[i0, 2])
-                            p1 = (lattice[i1, 0], lattice[i1, 1], lattice[i1, 2])
-                            p2 = (lattice[i2, 0], lattice[i2, 1], lattice[i2, 2])
-                            projected = -side * dot(cross(minus(p1, p0), minus(p2, p0)), direction)
-                            if projected <= 0.0:
-                                continue
-                            total += projected * mean_phasor(
-                                wavenumber * path[i0], wavenumber * path[i1], wavenumber * path[i2],
-                                1.0 + dot(tilt, minus(p0, top)), 1.0 + dot(tilt, minus(p1, top)),
-                                1.0 + dot(tilt, minus(p2, top)),
-                                wavenumber * (0.5 * (path[i1] + path[i2]) - path[m0]),
-                                wavenumber * (0.5 * (path[i2] + path[i0]) - path[m1]),
-                                wavenumber * (0.5 * (path[i0] + path[i1]) - path[m2]),
-                            )  # fmt: skip
+            double = 2 * parts
+            for row in range(0, double, 2):
+                for column in range(0, double - row, 2):
+                    for turned in range(2):
+                        if turned and column == double - row - 2:
+                            continue
+                        # Corners and edge middles on the lattice of half steps.
+                        x0, y0, x1, y1, x2, y2 = row, column, row + 2, column, row, column + 2
+                        if turned:
+                            x0, y0, x1, y1 = row + 2, column, row + 2, column + 2
+                        i0, i1, i2 = _place(double, x0, y0), _place(double, x1, y1), _place(double, x2, y2)
+                        if weight[i0] + weight[i1] + weight[i2] <= 0.0:
+                            continue
+                        m0 = _place(double, (x1 + x2) // 2, (y1 + y2) // 2)
+                        m1 = _place(double, (x2 + x0) // 2, (y2 + y0) // 2)
+                        m2 = _place(double, (x0 + x1) // 2, (y0 + y1) // 2)
+                        total += mean_phasor(
+                            wavenumber * path[i0], wavenumber * path[i1], wavenumber * path[i2],
+                            weight[i0], weight[i1], weight[i2],
+                            wavenumber * (0.5 * (path[i1] + path[i2]) - path[m0]),
+                            wavenumber * (0.5 * (path[i2] + path[i0]) - path[m1]),
+                            wavenumber * (0.5 * (path[i0] + path[i1]) - path[m2]),
+                        )  # fmt: skip
             # Shadow weight: the visible fraction of the facet.
             gains[n, q] = visible[q] * (0.5j / (4.0 * np.pi)) * strength * total
 
