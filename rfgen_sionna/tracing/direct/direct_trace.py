@@ -65,6 +65,7 @@ def trace_direct(
         missed, level = prediction_error(
             gains, first_delays(scene.band, centroids), scene.band.centre, group, len(scene.group)
         )
+        level = np.maximum(level, plan.level)  # a fading return demands no more knots than elsewhere
         predicted = float((missed / np.where(level > 0, level, np.inf)).max(initial=0.0))
         error = plan.time_scale * predicted
         if error <= LEEWAY * allowed or error > 0.7 * before or 2 * count - 1 > MAX_KNOTS:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.records import interpolate_knots, knot_weights
 from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.direct.knots import count_knots
 from rfgen_sionna.tracing.direct.samples import (
     GainNodes,
     Positions,
@@ -47,8 +48,8 @@ EXPANSION_SHARE = 0.7
 """Share of the tolerance for an expansion."""
 MAX_ORDER, MAX_DEGREE = 8, 6
 """Bounds of the expansion over the band and over the array: interpolation at more nodes is ill-conditioned."""
-TIME_PER_RTOL = 1.0
-"""Allowed error between knots per unit of the tolerance."""
+TIME_PER_RTOL, PHASE_PER_RTOL = 1.0, 0.7
+"""Allowed error between knots, and of the phases alone [rad, root mean square], per unit of the tolerance."""
 RANGE_MARGIN = 1.1
 """Range of tessellation over the range window: facets may enter it during the run."""
 EXPANSION_FACETS = 800
@@ -144,6 +145,8 @@ class RunPlan:
     """Whether facets that are negligible for the antennas are omitted."""
     nearest: FloatArray
     """(surface,) least distance [m] for which the facets are made."""
+    level: FloatArray
+    """(group,) typical return of the first pair; 0 where unknown."""
 
     @staticmethod
     def of(scene: RunScene, start: float, stop: float, length: float, cull: bool = True) -> RunPlan:
@@ -154,11 +157,11 @@ class RunPlan:
         closest = [poses[int(np.argmin(away[:, k]))][k] for k in range(len(scene.surfaces))]
         nearest = away.min(axis=0)
         fastest = int(np.argmax(_speeds(poses))) if len(poses) > 1 else 0
-        probes = sorted({float(times[fastest]), float(times[len(times) // 2])})
+        probes = sorted({float(times[k]) for k in (fastest, len(times) // 4, len(times) // 2, (3 * len(times)) // 4)})
         planner = _Planner(scene, closest, nearest, probes, cull)
         settings, error = planner.settings(Settings.of(scene.rtol))
         plan = planner.plan(settings, error)
-        starts = [min(t, max(stop - length, start)) for t in probes]
+        starts = sorted({min(t, max(stop - length, start)) for t in probes})
         return plan if length <= 0 else _with_knots(plan, starts, length)
 
     def holds(self, t: float) -> bool:
@@ -242,6 +245,7 @@ class _Planner:
                 0.0,
                 self._cull,
                 self._of_surfaces,
+                np.zeros(len(scene.group)),
             )
             self._plans[settings] = self._with_expansion(plan)
         return replace(self._plans[settings], error=float(np.max(error, initial=0.0)))
@@ -254,11 +258,11 @@ class _Planner:
         for t in self._probes:
             one, single = self._returns(coarse, t, True)
             other, _ = self._returns(fine, t, False)
-            missed = np.maximum(missed, np.sqrt((np.abs(one - other) ** 2).mean(axis=0)))
-            level = np.maximum(level, np.sqrt((np.abs(other) ** 2).mean(axis=0)))
+            missed += (np.abs(one - other) ** 2).mean(axis=0)
+            level += (np.abs(other) ** 2).mean(axis=0)
             strongest = np.maximum(strongest, single)
-        least = np.maximum(level, CANCELLED * strongest)
-        return np.asarray(SAFETY * missed / np.where(least > 0, least, np.inf))
+        least = np.maximum(np.sqrt(level / len(self._probes)), CANCELLED * strongest)
+        return SAFETY * _share(np.sqrt(missed / len(self._probes)), least)
 
     def _returns(self, plan: RunPlan, t: float, expanded: bool) -> tuple[ComplexArray, FloatArray]:
         """(probe, group) returns at `t` [s], by the expansion or by integrals at each probe, and (group,) the strongest
@@ -355,19 +359,22 @@ class _Planner:
 def _with_knots(plan: RunPlan, starts: Sequence[float], length: float) -> RunPlan:
     """The plan with the fewest knots per interval of `length` [s] that meet the tolerance in intervals from
     `starts`."""
-    allowed = SAFETY * TIME_PER_RTOL * plan.scene.rtol
-    count = first_count(plan, length)
-    measured = [_time_error(plan, start, length, count) for start in starts]
-    while count < MAX_KNOTS and max(error for error, _ in measured) > allowed:
-        finer = count + max(1, count // 4)
-        again = [_time_error(plan, start, length, finer) for start in starts]
-        falls = max(error for error, _ in again) < 0.7 * max(error for error, _ in measured)
-        if not falls and count >= 9:
+    allowed, before = TIME_PER_RTOL * plan.scene.rtol, np.inf
+    scene = plan.scene
+    tx, rx = scene.band.elements
+    pairs = [(tx[0], rx[0]), (tx[-1], rx[-1])][: max(len(tx), len(rx))]
+    tolerance = PHASE_PER_RTOL * scene.rtol
+    given = length, scene.wavenumber, tolerance, first_count(plan, length)
+    count = max(count_knots(scene.positions, pairs, start, *given) for start in starts)
+    while True:
+        measured = [_time_error(plan, start, length, count) for start in starts]
+        missed, predicted, level = (np.sqrt(np.mean(np.square(each), axis=0)) for each in zip(*measured, strict=True))
+        error, guess = (float(_share(each, level).max(initial=0.0)) for each in (missed, predicted))
+        if count > MAX_KNOTS or error <= allowed or (count >= 9 and error > 0.8 * before):
             break
-        count, measured = finer, again
-    error, predicted = max(measured)
-    scale = error / predicted if predicted > 0 else 0.0
-    return replace(plan, knots=count, time_error=error, time_scale=float(scale))
+        count, before = count + max(1, count // 4), error
+    scale = SAFETY * error / guess if guess > 0 else 0.0
+    return replace(plan, knots=count, time_error=SAFETY * error, time_scale=float(scale), level=level)
 
 
 def first_count(plan: RunPlan, length: float) -> int:
@@ -375,14 +382,12 @@ def first_count(plan: RunPlan, length: float) -> int:
     return max(3, 1 + int(np.ceil(length / plan.settings.spacing - 1e-6)))
 
 
-def _time_error(plan: RunPlan, start: float, length: float, count: int) -> tuple[float, float]:
-    """Error of the worst return between `count` knots from `start` on, measured at times between them, and that of
-    predictions of single knots."""
+def _time_error(plan: RunPlan, start: float, length: float, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(group,) error of each return between `count` knots from `start` on, measured at times between them, that of
+    predictions of single knots, and the return."""
     times = np.linspace(start, start + length, 2 * count - 1)
     samples = plan.sample(times.tolist())
     chosen = plan.choose(samples)
-    if not len(chosen):
-        return 0.0, 0.0
     found = [plan.values(each, chosen) for each in samples]
     gains = np.stack([plan.first_pair(values) for values, _ in found], axis=1)
     centroids = np.stack([each for _, each in found])
@@ -403,10 +408,12 @@ def _time_error(plan: RunPlan, start: float, length: float, count: int) -> tuple
     level = np.sqrt((np.abs(truth) ** 2).mean(axis=0))
     knots = np.ascontiguousarray(gains[:, ::2]), np.ascontiguousarray(delays[:, ::2])
     missed, whole = prediction_error(*knots, scene.band.centre, group, groups)
-    error, predicted = (
-        float((each / np.where(own > 0, own, np.inf)).max(initial=0.0)) for each, own in ((off, level), (missed, whole))
-    )
-    return SAFETY * error, predicted
+    return off, missed, np.maximum(level, whole)
+
+
+def _share(error: FloatArray, level: FloatArray) -> FloatArray:
+    """(group,) `error` relative to the `level`; 0 without a return."""
+    return np.asarray(error / np.where(level > 0, level, np.inf))
 
 
 def first_delays(band: BandTracer, centroids: FloatArray) -> FloatArray:

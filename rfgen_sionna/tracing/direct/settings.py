@@ -35,7 +35,7 @@ class Settings:
             facet_rtol=rtol,
             resolution=Resolution(min(0.4 / rtol, MOST_PER_FACET), int(min(256 * np.sqrt(0.1 / rtol), MAX_OUTLINE))),
             sagitta=float(np.clip(0.75 * np.sqrt(10.0 * rtol), 0.02, 0.75)),
-            omitted=float(min((0.3 * rtol) ** 2, 1e-3)),
+            omitted=float(min((0.25 * rtol) ** 2, 1e-3)),
             spacing=float(np.clip(10e-3 * (rtol / 0.1) ** 0.25, 2.5e-3, 12e-3)),
         )
 

@@ -76,8 +76,8 @@ class Resolution:
 
 
 def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resolution) -> list[View]:
-    """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the smallest
-    surface of a view has this `resolution`."""
+    """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the
+    smallest surface of a view has this `resolution`."""
     vertex_range = meshes.vertex_range
     count = len(vertex_range)
     used = [k for k in range(count) if vertex_range[k, 1] > vertex_range[k, 0]]
