@@ -104,7 +104,11 @@ class Traced(ShortRepr):
         for shadow in self.shadows:
             a[:, :, shadow.index] += shadow.paths.a
             if dispersion is not None and shadow.paths.dispersion is not None:
-                more = shadow.paths.dispersion  # may have fewer orders
+                more = shadow.paths.dispersion  # of another number of orders
+                if len(more) > len(dispersion):
+                    longer = np.zeros((len(more), *dispersion.shape[1:]), np.complex128)
+                    longer[: len(dispersion)] = dispersion
+                    dispersion = longer
                 dispersion[: len(more), :, :, shadow.index] += more
         return replace(static, a=a, dispersion=dispersion), np.any(a != 0, axis=(0, 1, 3))
 

@@ -32,7 +32,7 @@ from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
 from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
-from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadows
+from rfgen_sionna.tracing.static.actor_shadows import Shadow, StaticShadows
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
 from rfgen_sionna.tracing.static.static_refinement import interpolation_error, refine_occlusion
 from rfgen_sionna.tracing.static.static_reflections import StaticReflections, trace_static_reflections
@@ -349,7 +349,7 @@ class Tracer:
         if watch is not None and self.actors:
             for t in times.tolist():
                 watch(t, self.rays_at(t))
-        shadows, missed = cast_shadows(static, times, traced.shadows)
+        shadows, missed = self._static_shadows(times, traced.shadows)
         report = TraceReport(
             facets=len(static.facets) + traced.facets,
             rays=static.rays,
@@ -367,8 +367,12 @@ class Tracer:
     @cached_property
     def _run_scene(self) -> RunScene:
         """Actors, and the facets at rest that occlude them."""
-        static = self.static.facets.corners - self._viewpoint
-        return RunScene(self.surfaces.moving, self._band, self.radar.max_range, self.rtol, self._vertices, static)
+        known = self.radar.max_range, self.rtol, self._vertices, self._static_shadows.corners
+        return RunScene(self.surfaces.moving, self._band, *known)
+
+    @cached_property
+    def _static_shadows(self) -> StaticShadows:
+        return StaticShadows(self.static, self._band, self.rtol)
 
     def geometry(self, t: float) -> tuple[RayScene, list[FloatArray], list[FloatArray | None]]:
         """Ray scene at `t` [s], each object's vertices (vertex, 3) [m] and their velocities [m/s]; None for static

@@ -12,10 +12,11 @@ from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.records import PathKind, RadarPaths, knot_weights
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.direct.run_plan import SAFETY, TIME_PER_RTOL, RunPlan, first_delays
-from rfgen_sionna.tracing.direct.samples import Sample, Shadows, pair_delays
+from rfgen_sionna.tracing.direct.samples import Sample, pair_delays
 from rfgen_sionna.tracing.direct.settings import MAX_KNOTS
 from rfgen_sionna.tracing.direct.time_error import prediction_error
 from rfgen_sionna.tracing.surface.facets import RATE_STEP, Facets
+from rfgen_sionna.tracing.visibility.item_buffer import Shadows
 
 LEEWAY = 1.5
 """Growth of the time error over the allowed one above which an interval gets more knots."""

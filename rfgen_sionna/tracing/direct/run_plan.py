@@ -50,6 +50,9 @@ MAX_ORDER, MAX_DEGREE = 8, 6
 """Bounds of the expansion over the band and over the array: interpolation at more nodes is ill-conditioned."""
 TIME_PER_RTOL, PHASE_PER_RTOL = 1.0, 0.7
 """Allowed error between knots, and of the phases alone [rad, root mean square], per unit of the tolerance."""
+FINE_PARALLAX, COARSE_PARALLAX, FINE_RTOL = 0.1, 0.5, 0.03
+"""Shift of a shadow boundary at the outermost elements over the Fresnel zone above which each node has its own
+visibility: up to the tolerance given third, and above."""
 RANGE_MARGIN = 1.1
 """Range of tessellation over the range window: facets may enter it during the run."""
 EXPANSION_FACETS = 800
@@ -95,13 +98,35 @@ class RunScene:
         known = self.positions, self.band.viewpoint, self.max_range
         return Sampler(mesh, *known, settings.resolution, self.static)
 
-    def nodes(self, table: FloatArray, nearest: float) -> GainNodes:
-        """Nodes of a `table` (node, 7) for facets that are `nearest` [m] at least."""
+    def nodes(self, table: FloatArray, nearest: float, parallax: bool) -> GainNodes:
+        """Nodes of a `table` (node, 7) for facets that are `nearest` [m] at least, each with its own visibility where
+        the `parallax` of the array counts."""
         band = self.band
         frequency = table[:, 6] * SPEED_OF_LIGHT / (2 * np.pi)
         media = media_table(Media.at([each.material for each in self.surfaces], frequency, band.half_band))
         monostatic = band.alike and band.baseline**2 < MONOSTATIC * self.rtol * nearest**2
-        return GainNodes(np.ascontiguousarray(table), media, np.stack(band.fields), not monostatic)
+        places = np.zeros((1, 3))
+        place: IntArray = np.zeros(len(table), np.int32)
+        if parallax:
+            places, number = np.unique(0.5 * (table[:, :3] + table[:, 3:6]), axis=0, return_inverse=True)
+            place = number.reshape(-1).astype(np.int32)
+        return GainNodes(np.ascontiguousarray(table), media, np.stack(band.fields), not monostatic, places, place)
+
+    def has_parallax(self, poses: Sequence[Sequence[FloatArray]]) -> bool:
+        """Whether shadow boundaries move between elements by a share of a Fresnel zone that counts, for positions
+        (vertex, 3) [m] of the surfaces in some `poses`."""
+        away = [lengths(points - self.band.viewpoint) for pose in poses for points in pose if len(points)]
+        if len(self.static):
+            away.append(lengths(self.static.reshape(-1, 3)))
+        if not away:
+            return False
+        near = max(min(float(each.min()) for each in away), 1e-3)
+        far = max(float(each.max()) for each in away[: sum(map(len, poses))])
+        if far <= near:
+            return False
+        zone = np.sqrt(SPEED_OF_LIGHT / self.band.highest * near * (far - near) / (2.0 * far))
+        share = FINE_PARALLAX if self.rtol <= FINE_RTOL else COARSE_PARALLAX
+        return bool(0.5 * self.band.aperture * (far - near) / near > share * zone)
 
     def probe_nodes(self, u: FloatArray, pairs: IntArray) -> FloatArray:
         """(probe, 7) table of element `pairs` (probe,) at positions `u` (probe,) of the band."""
@@ -158,7 +183,7 @@ class RunPlan:
         nearest = away.min(axis=0)
         fastest = int(np.argmax(_speeds(poses))) if len(poses) > 1 else 0
         probes = sorted({float(times[k]) for k in (fastest, len(times) // 4, len(times) // 2, (3 * len(times)) // 4)})
-        planner = _Planner(scene, closest, nearest, probes, cull)
+        planner = _Planner(scene, closest, nearest, probes, cull, scene.has_parallax(poses))
         settings, error = planner.settings(Settings.of(scene.rtol))
         plan = planner.plan(settings, error)
         starts = sorted({min(t, max(stop - length, start)) for t in probes})
@@ -172,7 +197,7 @@ class RunPlan:
 
     def sample(self, times: Sequence[float]) -> list[Sample]:
         """Samples of the facets at `times` [s]."""
-        return self.scene.sampler(self.mesh, self.settings).at(times)
+        return self.scene.sampler(self.mesh, self.settings).at(times, self.nodes.places)
 
     def choose(self, samples: Sequence[Sample]) -> NDArray[np.intp]:
         """Facets that matter at any of the `samples`."""
@@ -196,8 +221,15 @@ class _Planner:
     """Chooses settings and expansion at the times `probes` [s]."""
 
     def __init__(
-        self, scene: RunScene, closest: Sequence[FloatArray], nearest: FloatArray, probes: Sequence[float], cull: bool
+        self,
+        scene: RunScene,
+        closest: Sequence[FloatArray],
+        nearest: FloatArray,
+        probes: Sequence[float],
+        cull: bool,
+        parallax: bool,
     ) -> None:
+        self._parallax = parallax
         self._scene, self._closest, self._probes, self._cull = scene, closest, probes, cull
         self._of_surfaces, self._nearest = nearest, float(nearest.min(initial=np.inf))
         self._plans: dict[Settings, RunPlan] = {}
@@ -228,7 +260,7 @@ class _Planner:
         if settings not in self._plans:
             scene = self._scene
             mesh = scene.mesh(self._closest, settings.facet_rtol)
-            centre = scene.nodes(scene.probe_nodes(np.zeros(1), np.zeros(1, np.int32)), self._nearest)
+            centre = scene.nodes(scene.probe_nodes(np.zeros(1), np.zeros(1, np.int32)), self._nearest, self._parallax)
             expansion = scene.band.expansions.through([(0, 0, 0, 0, 0)])
             steep = scene.rtol < 0.03 or not all(each.smooth for each in scene.surfaces)
             plan = RunPlan(
@@ -267,15 +299,15 @@ class _Planner:
     def _returns(self, plan: RunPlan, t: float, expanded: bool) -> tuple[ComplexArray, FloatArray]:
         """(probe, group) returns at `t` [s], by the expansion or by integrals at each probe, and (group,) the strongest
         facet's."""
+        scene = self._scene
+        if not expanded:
+            table = scene.probe_nodes(self._u, self._pairs)
+            plan = replace(plan, nodes=scene.nodes(table, self._nearest, self._parallax))
         (sample,) = plan.sample([t])
         chosen = plan.choose([sample])
-        scene = self._scene
+        gains, centroids = plan.values(sample, chosen)
         if expanded:
-            values, centroids = plan.values(sample, chosen)
-            gains = _expanded(plan.expansion, values, self._u, self._pairs)
-        else:
-            exact = replace(plan, nodes=scene.nodes(scene.probe_nodes(self._u, self._pairs), self._nearest))
-            gains, centroids = exact.values(sample, chosen)
+            gains = _expanded(plan.expansion, gains, self._u, self._pairs)
         waves = gains * self._waves(centroids, self._u, self._pairs) * scene.pattern(centroids)
         group = scene.group[plan.mesh.facet_surface[chosen]]
         strongest = np.zeros(len(scene.group))
@@ -306,26 +338,29 @@ class _Planner:
             group = scene.group[plan.mesh.facet_surface[chosen]]
             few = np.concatenate([own[np.argsort(-strength[own])[:EXPANSION_FACETS]] for own in
                                   (np.flatnonzero(group == number) for number in np.unique(group))])  # fmt: skip
-            checks.append((sample, chosen[np.sort(few)]))
+            checks.append((t, sample, chosen[np.sort(few)]))
+
+        def values(of: RunPlan, t: float, sample: Sample, few: NDArray[np.intp]) -> tuple[ComplexArray, FloatArray]:
+            return of.values(of.sample([t])[0] if self._parallax else sample, few)
 
         def finds(expansion: Expansion) -> RunPlan:
             tx, rx, frequency = expansion.nodes.tx, expansion.nodes.rx, expansion.nodes.frequency
             table = np.hstack([tx, rx, 2 * np.pi / SPEED_OF_LIGHT * frequency[:, None]])
-            return replace(plan, expansion=expansion, nodes=scene.nodes(table, self._nearest))
+            return replace(plan, expansion=expansion, nodes=scene.nodes(table, self._nearest, self._parallax))
 
-        known: dict[tuple[bytes, bytes, int], tuple[ComplexArray, ComplexArray, FloatArray]] = {}
+        known: dict[tuple[bytes, bytes, float], tuple[ComplexArray, ComplexArray, FloatArray]] = {}
 
         def fits(u: FloatArray, pairs: IntArray, basis: Sequence[tuple[int, ...]]) -> bool:
             tried = finds(expansions.through(basis))
-            for number, (sample, few) in enumerate(checks):
-                key = u.tobytes(), pairs.tobytes(), number
+            for t, sample, few in checks:
+                key = u.tobytes(), pairs.tobytes(), t
                 if key not in known:
-                    exact = replace(plan, nodes=scene.nodes(scene.probe_nodes(u, pairs), self._nearest))
-                    truth, centroids = exact.values(sample, few)
+                    exact = replace(plan, nodes=scene.nodes(scene.probe_nodes(u, pairs), self._nearest, self._parallax))
+                    truth, centroids = values(exact, t, sample, few)
                     known[key] = truth, self._waves(centroids, u, pairs), scene.pattern(centroids)
                 truth, waves, pattern = known[key]
-                values, _ = tried.values(sample, few)
-                off = (_expanded(tried.expansion, values, u, pairs) - truth) * waves * pattern
+                found, _ = values(tried, t, sample, few)
+                off = (_expanded(tried.expansion, found, u, pairs) - truth) * waves * pattern
                 group, count = scene.group[plan.mesh.facet_surface[few]], len(scene.group)
                 missed, whole = (
                     np.sqrt((np.abs(_group_sums(each, group, count)) ** 2).mean(axis=0))

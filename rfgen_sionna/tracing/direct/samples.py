@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -14,12 +14,26 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.tracing.direct.return_bounds import bound_returns, significant
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
-from rfgen_sionna.tracing.visibility.item_buffer import ItemBuffer, Resolution, choose_views
+from rfgen_sionna.tracing.visibility.item_buffer import (
+    NO_SHADOWS,
+    Cuts,
+    ItemBuffer,
+    Resolution,
+    Shadows,
+    choose_views,
+)
 
 Positions = Callable[[float], Sequence[FloatArray]]
 """Time [s] to the (vertex, 3) positions [m] of every moving surface."""
-Shadows = tuple[NDArray[np.intp], FloatArray]
-"""Occluded facets at rest, ascending, and the visible share of each."""
+
+
+class SeenFacets(NamedTuple):
+    """Facets as they are seen from one place of the array."""
+
+    visible: FloatArray
+    """(facet,) visible fraction; 0 beyond the range window."""
+    cuts: Cuts
+    """Visible pieces of facets that a shadow boundary crosses."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +44,15 @@ class Sample:
     """(vertex, 3) [m] relative to the viewpoint, with those of pieces."""
     normals: FloatArray
     """(normal, 3)"""
-    visible: FloatArray
-    """(facet,) visible fraction; 0 beyond the range window."""
+    seen: tuple[SeenFacets, ...]
+    """From each place of the array, the phase centre first or alone."""
     shadows: Shadows
-    """On facets at rest."""
+    """On facets at rest, from the first place."""
+
+    @property
+    def visible(self) -> FloatArray:
+        """(facet,) largest visible fraction from any place."""
+        return self.seen[0].visible if len(self.seen) == 1 else np.max([each.visible for each in self.seen], axis=0)
 
 
 @dataclass(frozen=True)
@@ -49,20 +68,28 @@ class Sampler:
     resolution: Resolution
     static: FloatArray
 
-    def at(self, times: Sequence[float]) -> list[Sample]:
-        """Samples at `times` [s], in common views."""
+    def at(self, times: Sequence[float], places: FloatArray) -> list[Sample]:
+        """Samples at `times` [s] from `places` (place, 3) [m] of the array relative to the viewpoint, in common
+        views."""
         mesh = self.mesh
         points = [mesh.points(self.positions(t), self.viewpoint) for t in times]
-        views = choose_views(points, mesh.meshes, self.resolution)
-        buffer = ItemBuffer(mesh.meshes, views, self.static)
-        found = []
-        for each in points:
-            visible = np.zeros(len(mesh))
-            buffer.fractions(each, visible)
-            self._limit_range(each, visible)
-            shadows = buffer.shadows() if len(self.static) else (np.zeros(0, np.intp), np.zeros(0))
-            found.append(Sample(each, mesh.normals(each), visible, shadows))
-        return found
+        seen, shadows = list[list[SeenFacets]](), [NO_SHADOWS for _ in times]
+        for number, place in enumerate(places):
+            moved = points if not place.any() else [each - place for each in points]
+            buffer = ItemBuffer(mesh.meshes, choose_views(moved, mesh.meshes, self.resolution), self.static - place)
+            seen.append([])
+            for k, (each, own) in enumerate(zip(moved, points, strict=True)):
+                visible = np.zeros(len(mesh))
+                cuts = buffer.fractions(each, visible)
+                self._limit_range(own, visible)
+                seen[-1].append(SeenFacets(visible, cuts))
+                if len(self.static) and number == 0:
+                    shadows[k] = buffer.shadows()
+        views = zip(*seen, strict=True)
+        return [
+            Sample(each, mesh.normals(each), own, shadow)
+            for each, own, shadow in zip(points, views, shadows, strict=True)
+        ]
 
     def _limit_range(self, points: FloatArray, visible: FloatArray) -> None:
         """Set `visible` (facet,) to 0 beyond the range window."""
@@ -110,6 +137,10 @@ class GainNodes:
     fields: FloatArray
     """(2, 3) electric field of Tx and Rx."""
     bistatic: bool
+    places: FloatArray
+    """(place, 3) places [m] of the array relative to the viewpoint from which facets are looked at."""
+    place: IntArray
+    """(node,) place of each node."""
 
 
 def integrate(
@@ -125,11 +156,16 @@ def integrate(
     arguments are those of :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`."""
     gains = np.empty((len(nodes.table), len(chosen)), np.complex128)
     centroids = np.empty((len(chosen), 3))
-    patch_gains(
-        sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen,
-        sample.visible[chosen], material, mesh.single, nodes.table, nodes.fields, nodes.media, nodes.bistatic, sagitta,
-        gradient, gains, centroids,
-    )  # fmt: skip
+    for number, (visible, cuts) in enumerate(sample.seen):
+        own = np.flatnonzero(nodes.place == number)
+        found = gains if len(own) == len(gains) else np.empty((len(own), len(chosen)), np.complex128)
+        patch_gains(
+            sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, visible[chosen],
+            cuts.of(chosen), cuts.pieces, cuts.triangles, material, mesh.single, nodes.table[own], nodes.fields,
+            nodes.media[own], nodes.bistatic, sagitta, gradient, found, centroids,
+        )  # fmt: skip
+        if found is not gains:
+            gains[own] = found
     return gains, centroids
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from rfgen_sionna.tracing.visibility.item_buffer import Resolution
 
-MOST_PER_FACET, MAX_OUTLINE = 400.0, 1536
+MOST_PER_FACET, MAX_OUTLINE = 200.0, 1024
 """Bounds of the resolution of views, for time and memory."""
 MAX_KNOTS = 513
 """Largest number of knots of an interval."""

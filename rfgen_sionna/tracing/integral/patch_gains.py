@@ -63,6 +63,14 @@ def _area_element(a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, place: Any) ->
 
 
 @njit(fastmath=FAST, error_model="numpy")
+def _within(cut: Any, corner: int, whole: Any) -> tuple[float, float, float]:
+    """Barycentric coordinates in the face of a `corner` of a `cut` (3, 3) of a facet with corners `whole` there."""
+    return plus(
+        plus(scaled(whole[0], cut[corner, 0]), scaled(whole[1], cut[corner, 1])), scaled(whole[2], cut[corner, 2])
+    )
+
+
+@njit(fastmath=FAST, error_model="numpy")
 def _path_length(point: Any, t: Any, r: Any, apart: bool) -> float:
     """Length [m] of the path from `t` by a `point` to `r`, or twice the distance of `t` where both are one."""
     if apart:
@@ -73,8 +81,8 @@ def _path_length(point: Any, t: Any, r: Any, apart: bool) -> float:
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def patch_gains(
     points: Any, faces: Any, group: Any, normals: Any, face_of: Any, weights: Any, chosen: Any, visible: Any,
-    material: Any, single: Any, nodes: Any, fields: Any, media: Any, bistatic: bool, most_sagitta: float, gradient: Any,
-    gains: Any, centroids: Any,
+    cut_of: Any, cuts: Any, cut_count: Any, material: Any, single: Any, nodes: Any, fields: Any, media: Any, bistatic:
+    bool, most_sagitta: float, gradient: Any, gains: Any, centroids: Any,
 ) -> None:  # fmt: skip
     """Gains (node, chosen) without the propagation phase of the `centroids` (chosen, 3) [m] of the flat facets.
 
@@ -88,6 +96,9 @@ def patch_gains(
         faces.
     chosen, visible
         (chosen,) facets to integrate, and (chosen,) visible fraction of each.
+    cut_of, cuts, cut_count
+        (chosen,) index of the cut of each facet, -1 without one, (cut, 2, 3, 3) barycentric coordinates of the visible
+        triangles in the facet, and (cut,) their number.
     material, single
         (face,) index of the material, and whether only the front of the face returns.
     nodes, fields
@@ -120,7 +131,7 @@ def patch_gains(
         )  # fmt: skip
         # Barycentric coordinates of the facet's corners in its face, and its share of the face.
         one, two, three = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-        share = 1.0
+        share, whole = 1.0, (one, two, three)
         if weights.shape[0]:
             one = (weights[f, 0, 0], weights[f, 0, 1], weights[f, 0, 2])
             two = (weights[f, 1, 0], weights[f, 1, 1], weights[f, 1, 2])
@@ -144,76 +155,86 @@ def patch_gains(
         facing = scaled(facing, 1.0 / size)
         if gradient.shape[0]:
             tilt = (gradient[q, 0], gradient[q, 1], gradient[q, 2])
-        parts, before = 1, -1
-        for n in range(nodes.shape[0]):
-            here, there = (nodes[n, 0], nodes[n, 1], nodes[n, 2]), (nodes[n, 3], nodes[n, 4], nodes[n, 5])
-            wavenumber = nodes[n, 6]
-            same = before >= 0
-            if same:
-                for m in range(6):
-                    same = same and nodes[n, m] == nodes[before, m]
-            if not same:
-                before = n
-                element = scaled(plus(here, there), 0.5)
-                if not bistatic:
-                    here = there = element
-                base = _path_length(middle, here, there, bistatic)
-                distance = max(norm(minus(top, element)), MIN_DISTANCE)
-                parts = 1
-                for attempt in range(2):
-                    m, scale = 0, -side * share * (distance / parts) ** 2
-                    for row in range(2 * parts + 1):
-                        for column in range(2 * parts + 1 - row):
-                            x, y = 0.5 * row / parts, 0.5 * column / parts
-                            place = plus(plus(scaled(one, 1.0 - x - y), scaled(two, x)), scaled(three, y))
-                            point = _on_patch(a, b, c, r, s, t, place)
-                            path[m] = _path_length(point, here, there, bistatic) - base
-                            if row % 2 == 0 and column % 2 == 0:
-                                # Projected area over the squared distance, relative to that of the middle.
-                                offset = minus(point, element)
-                                away = max(norm(offset), MIN_DISTANCE)
-                                projected = dot(_area_element(a, b, c, r, s, t, place), offset) / away**3
-                                weight[m] = max(scale * projected, 0.0) * (1.0 + dot(tilt, minus(point, top)))
-                            m += 1
-                    if attempt == 0:
-                        # Pieces along an edge, by the quadratic phase in the middle of the facet's edges.
-                        rise = max(
-                            abs(0.5 * (path[0] + path[2]) - path[1]), abs(0.5 * (path[0] + path[5]) - path[3]),
-                            abs(0.5 * (path[2] + path[5]) - path[4]),
-                        )  # fmt: skip
-                        parts = min(max(int(np.ceil(np.sqrt(wavenumber * rise / most_sagitta))), 1), MAX_PARTS)
-                        if parts == 1:
-                            break
-            strength = obliquity(
-                media[n, material[face]], wavenumber, facing, top, (nodes[n, 0], nodes[n, 1], nodes[n, 2]),
-                (nodes[n, 3], nodes[n, 4], nodes[n, 5]), tx_field, rx_field, bistatic,
-            )  # fmt: skip
-            total = 0j
-            double = 2 * parts
-            for row in range(0, double, 2):
-                for column in range(0, double - row, 2):
-                    for turned in range(2):
-                        if turned and column == double - row - 2:
-                            continue
-                        # Corners and edge middles on the lattice of half steps.
-                        x0, y0, x1, y1, x2, y2 = row, column, row + 2, column, row, column + 2
-                        if turned:
-                            x0, y0, x1, y1 = row + 2, column, row + 2, column + 2
-                        i0, i1, i2 = _place(double, x0, y0), _place(double, x1, y1), _place(double, x2, y2)
-                        if weight[i0] + weight[i1] + weight[i2] <= 0.0:
-                            continue
-                        m0 = _place(double, (x1 + x2) // 2, (y1 + y2) // 2)
-                        m1 = _place(double, (x2 + x0) // 2, (y2 + y0) // 2)
-                        m2 = _place(double, (x0 + x1) // 2, (y0 + y1) // 2)
-                        total += mean_phasor(
-                            wavenumber * path[i0], wavenumber * path[i1], wavenumber * path[i2],
-                            weight[i0], weight[i1], weight[i2],
-                            wavenumber * (0.5 * (path[i1] + path[i2]) - path[m0]),
-                            wavenumber * (0.5 * (path[i2] + path[i0]) - path[m1]),
-                            wavenumber * (0.5 * (path[i0] + path[i1]) - path[m2]),
-                        )  # fmt: skip
-            # Shadow weight: the visible fraction of the facet.
-            gains[n, q] = visible[q] * (0.5j / (4.0 * np.pi)) * strength * total
+        # Shadow weight: the visible fraction of the facet, or its visible pieces.
+        cut = cut_of[q]
+        pieces, factor = 1, 0.5j / (4.0 * np.pi) * visible[q]
+        if cut >= 0:
+            pieces, factor = cut_count[cut], 0.5j / (4.0 * np.pi)
+            whole = (one, two, three)
+        for piece in range(pieces):
+            if cut >= 0:
+                one, two, three = _within(cuts[cut, piece], 0, whole), _within(cuts[cut, piece], 1, whole), _within(
+                    cuts[cut, piece], 2, whole)  # fmt: skip
+                share = abs(dot(one, cross(two, three)))
+            parts, before = 1, -1
+            for n in range(nodes.shape[0]):
+                here, there = (nodes[n, 0], nodes[n, 1], nodes[n, 2]), (nodes[n, 3], nodes[n, 4], nodes[n, 5])
+                wavenumber = nodes[n, 6]
+                same = before >= 0
+                if same:
+                    for m in range(6):
+                        same = same and nodes[n, m] == nodes[before, m]
+                if not same:
+                    before = n
+                    element = scaled(plus(here, there), 0.5)
+                    if not bistatic:
+                        here = there = element
+                    base = _path_length(middle, here, there, bistatic)
+                    distance = max(norm(minus(top, element)), MIN_DISTANCE)
+                    parts = 1
+                    for attempt in range(2):
+                        m, scale = 0, -side * share * (distance / parts) ** 2
+                        for row in range(2 * parts + 1):
+                            for column in range(2 * parts + 1 - row):
+                                x, y = 0.5 * row / parts, 0.5 * column / parts
+                                place = plus(plus(scaled(one, 1.0 - x - y), scaled(two, x)), scaled(three, y))
+                                point = _on_patch(a, b, c, r, s, t, place)
+                                path[m] = _path_length(point, here, there, bistatic) - base
+                                if row % 2 == 0 and column % 2 == 0:
+                                    # Projected area over the squared distance, relative to that of the middle.
+                                    offset = minus(point, element)
+                                    away = max(norm(offset), MIN_DISTANCE)
+                                    projected = dot(_area_element(a, b, c, r, s, t, place), offset) / away**3
+                                    weight[m] = max(scale * projected, 0.0) * (1.0 + dot(tilt, minus(point, top)))
+                                m += 1
+                        if attempt == 0:
+                            # Pieces along an edge, by the quadratic phase in the middle of the facet's edges.
+                            rise = max(
+                                abs(0.5 * (path[0] + path[2]) - path[1]), abs(0.5 * (path[0] + path[5]) - path[3]),
+                                abs(0.5 * (path[2] + path[5]) - path[4]),
+                            )  # fmt: skip
+                            parts = min(max(int(np.ceil(np.sqrt(wavenumber * rise / most_sagitta))), 1), MAX_PARTS)
+                            if parts == 1:
+                                break
+                strength = obliquity(
+                    media[n, material[face]], wavenumber, facing, top, (nodes[n, 0], nodes[n, 1], nodes[n, 2]),
+                    (nodes[n, 3], nodes[n, 4], nodes[n, 5]), tx_field, rx_field, bistatic,
+                )  # fmt: skip
+                total = 0j
+                double = 2 * parts
+                for row in range(0, double, 2):
+                    for column in range(0, double - row, 2):
+                        for turned in range(2):
+                            if turned and column == double - row - 2:
+                                continue
+                            # Corners and edge middles on the lattice of half steps.
+                            x0, y0, x1, y1, x2, y2 = row, column, row + 2, column, row, column + 2
+                            if turned:
+                                x0, y0, x1, y1 = row + 2, column, row + 2, column + 2
+                            i0, i1, i2 = _place(double, x0, y0), _place(double, x1, y1), _place(double, x2, y2)
+                            if weight[i0] + weight[i1] + weight[i2] <= 0.0:
+                                continue
+                            m0 = _place(double, (x1 + x2) // 2, (y1 + y2) // 2)
+                            m1 = _place(double, (x2 + x0) // 2, (y2 + y0) // 2)
+                            m2 = _place(double, (x0 + x1) // 2, (y0 + y1) // 2)
+                            total += mean_phasor(
+                                wavenumber * path[i0], wavenumber * path[i1], wavenumber * path[i2],
+                                weight[i0], weight[i1], weight[i2],
+                                wavenumber * (0.5 * (path[i1] + path[i2]) - path[m0]),
+                                wavenumber * (0.5 * (path[i2] + path[i0]) - path[m1]),
+                                wavenumber * (0.5 * (path[i0] + path[i1]) - path[m2]),
+                            )  # fmt: skip
+                gains[n, q] += factor * strength * total
 
 
 @njit(fastmath=FAST, error_model="numpy")

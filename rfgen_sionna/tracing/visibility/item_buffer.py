@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from rfgen_sionna.tracing.visibility.rasterise import (
     bounding_box,
     count_hidden,
     count_items,
+    cut_facets,
     draw,
     mean_area,
     project,
@@ -164,6 +166,41 @@ def _cube(surfaces: tuple[int, ...], size: int) -> list[View]:
     return [View(_axes(each), np.array([-1.0, -1.0]), size / 2.0, (size, size), surfaces) for each in sides]
 
 
+class Cuts(NamedTuple):
+    """Pieces of facets that a shadow boundary crosses, cut along straight lines."""
+
+    facet: NDArray[np.intp]
+    """(cut,) ascending."""
+    pieces: FloatArray
+    """(cut, 2, 3, 3) barycentric coordinates of the corners of one or two triangles."""
+    triangles: NDArray[np.int32]
+    """(cut,) number of triangles; 0 where no line is known."""
+
+    def of(self, chosen: NDArray[np.intp]) -> NDArray[np.int32]:
+        """(chosen,) cut of each of the `chosen` facets; -1 without one."""
+        known = self.facet[self.triangles > 0]
+        place = np.minimum(np.searchsorted(known, chosen), max(len(known) - 1, 0))
+        number = np.flatnonzero(self.triangles > 0).astype(np.int32)
+        if not len(known):
+            return np.full(len(chosen), -1, np.int32)
+        return np.where(known[place] == chosen, number[place], np.int32(-1))
+
+
+class Shadows(NamedTuple):
+    """Shadows on facets at rest."""
+
+    facet: NDArray[np.intp]
+    """(facet,) occluded facets, ascending."""
+    left: FloatArray
+    """(facet,) visible share of each."""
+    hidden: Cuts
+    """Hidden pieces of those that are occluded in part."""
+
+
+NO_SHADOWS = Shadows(np.zeros(0, np.intp), np.zeros(0), Cuts(np.zeros(0, np.intp), np.zeros((0, 2, 3, 3)),
+                                                             np.zeros(0, np.int32)))  # fmt: skip
+
+
 class ItemBuffer:
     """Draws `meshes` at one time after another in the same `views`, before facets at rest with corners (facet, 3, 3)
     [m] relative to the viewpoint, visible without the surfaces."""
@@ -175,6 +212,7 @@ class ItemBuffer:
         self._left, self._up, self._inverse = np.zeros((3, count))
         self._buffers = [(np.empty(each.shape, np.float32), np.empty(each.shape, np.int32)) for each in self.views]
         self._static: list[tuple[NDArray[np.float32], NDArray[np.int32]]] = []
+        self._projected: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         if self._first:
             self._draw_static(static)
 
@@ -186,7 +224,7 @@ class ItemBuffer:
         left, up, inverse = np.empty((3, len(points)))
         for view in self.views:
             nearest, items = np.zeros(view.shape, np.float32), np.full(view.shape, -1, np.int32)
-            drawn, seen = np.zeros(len(static), np.int32), np.zeros(len(static), np.int32)
+            drawn, seen = np.zeros(len(static), np.int32), np.zeros((len(static), 3))
             project(points, view.axes, left, up, inverse)
             draw(points, left, up, inverse, view.axes, corners, np.zeros(len(static), np.bool_), 0, view.origin,
                  view.scale, nearest, items, drawn)  # fmt: skip
@@ -194,40 +232,54 @@ class ItemBuffer:
             x, y = left.reshape(-1, 3), up.reshape(-1, 3)
             area = np.abs((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0]))
             area *= 0.5 * view.scale**2 * (inverse.reshape(-1, 3) > 0).all(axis=1)
-            self._pixels += seen + np.maximum(area - drawn, 0.0) * (drawn > 0)
+            self._pixels += seen[:, 0] + np.maximum(area - drawn, 0.0) * (drawn > 0)
             self._small |= (drawn == 0) & (area > 0)
             self._static.append((nearest, items))
+            self._projected.append((left.copy(), up.copy(), inverse.copy()))
 
-    def fractions(self, points: FloatArray, found: FloatArray) -> None:
-        """Visible fraction of each facet into `found` (facet,), for `points` (vertex, 3) [m] relative to the viewpoint;
-        0 for those that face away."""
+    def fractions(self, points: FloatArray, found: FloatArray) -> Cuts:
+        """Visible fraction of each facet into `found` (facet,), for `points` (vertex, 3) [m] relative to the
+        viewpoint; 0 for those that face away. Returns the visible pieces of facets that are visible in part."""
         meshes = self.meshes
-        pixels, seen = np.zeros((2, len(meshes.corners)), np.int32)
+        count = len(meshes.corners)
+        pixels, total, cuts = np.zeros(count, np.int32), np.zeros((count, 3)), []
         found[:] = 0.0
         for number, view in enumerate(self.views):
             nearest, items = self._cleared(number)
+            drawn, seen = np.zeros(count, np.int32), np.zeros((count, 3))
+            given: Any = view.origin, view.scale, nearest, items
             for k in view.surfaces:
                 vertices, facets = slice(*meshes.vertex_range[k]), slice(*meshes.facet_range[k])
                 project(points[vertices], view.axes, self._left[vertices], self._up[vertices], self._inverse[vertices])
-                draw(points, self._left, self._up, self._inverse, view.axes, meshes.corners[facets],
-                meshes.single[facets],
-                     self._first + int(meshes.facet_range[k, 0]), view.origin, view.scale, nearest, items,
-                     pixels[facets])  # fmt: skip
+                own = meshes.corners[facets], meshes.single[facets], self._first + int(meshes.facet_range[k, 0])
+                draw(points, self._left, self._up, self._inverse, view.axes, *own, *given, drawn[facets])
             count_items(items, self._first, seen)
             for k in view.surfaces:
                 facets = slice(*meshes.facet_range[k])
                 # Facets too small for pixels of their own are visible where their centroids are.
-                see_small(points, view.axes, view.origin, view.scale, nearest, items, meshes.corners[facets],
-                          pixels[facets], found[facets])  # fmt: skip
-        set_fractions(pixels, seen, found)
+                see_small(points, view.axes, *given, meshes.corners[facets], drawn[facets], found[facets])
+            partial = np.flatnonzero((seen[:, 0] > 0) & (seen[:, 0] < drawn))
+            shares = seen[partial, 0] / drawn[partial]
+            cuts.append(self._cut(view, (self._left, self._up, self._inverse), meshes.corners, partial, shares, seen))
+            pixels = np.where(pixels < 0, drawn, pixels + drawn)
+            total += seen
+        set_fractions(pixels, total, found)
+        return _whole_views(cuts, total)
 
-    def shadows(self) -> tuple[NDArray[np.intp], FloatArray]:
-        """Facets at rest, ascending, that the surfaces of the last :meth:`fractions` occlude, and the visible share of
-        each."""
-        hidden = np.zeros(self._first, np.int32)
-        for (_, before), (_, items) in zip(self._static, self._buffers, strict=True):
+    def shadows(self) -> Shadows:
+        """Facets at rest, and their parts, that the surfaces of the last :meth:`fractions` occlude."""
+        total, cuts = np.zeros((self._first, 3)), []
+        corners = np.arange(3 * self._first, dtype=np.int32).reshape(-1, 3)
+        for (_, before), (_, items), view, projected in zip(
+            self._static, self._buffers, self.views, self._projected, strict=True
+        ):
+            hidden = np.zeros((self._first, 3))
             count_hidden(before, items, self._first, hidden)
-        left = 1.0 - np.minimum(hidden / np.maximum(self._pixels, 1.0), 1.0)
+            partial = np.flatnonzero((hidden[:, 0] > 0) & (hidden[:, 0] < self._pixels))
+            shares = hidden[partial, 0] / self._pixels[partial]
+            cuts.append(self._cut(view, projected, corners, partial, shares, hidden))
+            total += hidden
+        left = 1.0 - np.minimum(total[:, 0] / np.maximum(self._pixels, 1.0), 1.0)
         some = np.flatnonzero(self._small)
         if len(some):
             visible = np.ones(len(some), np.bool_)
@@ -237,7 +289,21 @@ class ItemBuffer:
                 visible &= here
             left[some[~visible]] = 0.0
         occluded = np.flatnonzero(left < 1.0)
-        return occluded, left[occluded]
+        return Shadows(occluded, left[occluded], _whole_views(cuts, total))
+
+    def _cut(
+        self,
+        view: View,
+        projected: tuple[FloatArray, FloatArray, FloatArray],
+        corners: IntArray,
+        partial: NDArray[np.intp],
+        shares: FloatArray,
+        seen: FloatArray,
+    ) -> tuple[Cuts, FloatArray]:
+        """Pieces of the `partial` facets with these `shares`, and (partial,) their pixels in this view."""
+        pieces, count = np.zeros((len(partial), 2, 3, 3)), np.zeros(len(partial), np.int32)
+        cut_facets(*projected, corners, partial, view.origin, view.scale, shares, seen, pieces, count)
+        return Cuts(partial, pieces, count), seen[partial, 0]
 
     def _cleared(self, number: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         nearest, items = self._buffers[number]
@@ -248,3 +314,14 @@ class ItemBuffer:
             nearest.fill(0.0)
             items.fill(-1)
         return nearest, items
+
+
+def _whole_views(parts: Sequence[tuple[Cuts, FloatArray]], total: FloatArray) -> Cuts:
+    """Cuts of all views, without facets that several views show; `total` (facet, 3) are their pixels in all of them."""
+    facet = np.concatenate([np.zeros(0, np.intp), *(cuts.facet for cuts, _ in parts)])
+    pieces = np.concatenate([np.zeros((0, 2, 3, 3)), *(cuts.pieces for cuts, _ in parts)])
+    count = np.concatenate([np.zeros(0, np.int32), *(cuts.count for cuts, _ in parts)])
+    here = np.concatenate([np.zeros(0), *(pixels for _, pixels in parts)])
+    order = np.argsort(facet, kind="stable")
+    order = order[here[order] == total[facet[order], 0]]
+    return Cuts(facet[order], pieces[order], count[order])

@@ -189,22 +189,92 @@ def draw(
 
 @njit(cache=True, nogil=True)
 def count_items(items: Any, first: int, seen: Any) -> None:
-    """Add to `seen` (facet,) the pixels of `items` (row, column) that show each facet, numbered from `first` on."""
+    """Add to `seen` (facet, 3) the pixels of `items` (row, column) that show each facet, numbered from `first` on, and
+    the sums of their columns and rows."""
     for j in range(items.shape[0]):
         for i in range(items.shape[1]):
             f = items[j, i] - first
             if 0 <= f < seen.shape[0]:
-                seen[f] += 1
+                seen[f, 0] += 1.0
+                seen[f, 1] += i + 0.5
+                seen[f, 2] += j + 0.5
 
 
 @njit(cache=True, nogil=True)
 def count_hidden(before: Any, items: Any, first: int, hidden: Any) -> None:
-    """Add to `hidden` (facet,) the pixels that showed each facet in `before` and show an item from `first` on in
-    `items` (row, column)."""
+    """Add to `hidden` (facet, 3) the pixels that showed each facet in `before` and show an item from `first` on in
+    `items` (row, column), and the sums of their columns and rows."""
     for j in range(items.shape[0]):
         for i in range(items.shape[1]):
-            if items[j, i] >= first and before[j, i] >= 0:
-                hidden[before[j, i]] += 1
+            f = before[j, i]
+            if items[j, i] >= first and f >= 0:
+                hidden[f, 0] += 1.0
+                hidden[f, 1] += i + 0.5
+                hidden[f, 2] += j + 0.5
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def cut_facets(
+    left: Any, up: Any, inverse: Any, corners: Any, chosen: Any, origin: Any, scale: float, shares: Any, seen: Any,
+    cuts: Any, found: Any,
+) -> None:  # fmt: skip
+    """Cut facets by straight lines that leave the share `shares` (chosen,) of each on the side where its pixels are.
+
+    `corners` (facet, 3) are indices of the points of :func:`project`; `seen` (facet, 3) is that of
+    :func:`count_items`. Barycentric coordinates of one or two triangles go to `cuts` (chosen, 2, 3, 3), and their
+    number to `found` (chosen,); 0 where the pixels lie in the middle of the facet.
+    """
+    x, y, inv, t = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    place = np.empty((4, 3))
+    for q in range(chosen.shape[0]):
+        f = chosen[q]
+        found[q] = 0
+        for k in range(3):
+            p = corners[f, k]
+            inv[k] = inverse[p]
+            x[k], y[k] = (left[p] - origin[0]) * scale, (up[p] - origin[1]) * scale
+        if inv.min() <= 0.0 or seen[f, 0] < 1.0:
+            continue
+        area = abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
+        # From the middle of the facet to that of its pixels.
+        nx, ny = seen[f, 1] / seen[f, 0] - x.mean(), seen[f, 2] / seen[f, 0] - y.mean()
+        if nx * nx + ny * ny < 1e-6 * area:
+            continue
+        for k in range(3):
+            t[k] = nx * x[k] + ny * y[k]
+        low, high = int(np.argmin(t)), int(np.argmax(t))
+        mid = 3 - low - high
+        if low == high:
+            continue
+        whole, share = t[high] - t[low], shares[q]
+        corner = (t[high] - t[mid]) / whole  # share of the facet beyond its middle corner
+        for m in range(4):
+            for k in range(3):
+                place[m, k] = 0.0
+        if share <= corner:  # a triangle at the highest corner
+            height = np.sqrt(share * (t[high] - t[mid]) * whole)
+            a, b = height / max(t[high] - t[mid], 1e-300), height / whole
+            place[0, high] = 1.0
+            place[1, high], place[1, mid] = 1.0 - a, a
+            place[2, high], place[2, low] = 1.0 - b, b
+            count = 1
+        else:  # all but a triangle at the lowest corner
+            height = np.sqrt((1.0 - share) * (t[mid] - t[low]) * whole)
+            a, b = height / max(t[mid] - t[low], 1e-300), height / whole
+            place[0, high], place[1, mid] = 1.0, 1.0
+            place[2, low], place[2, mid] = 1.0 - a, a
+            place[3, low], place[3, high] = 1.0 - b, b
+            count = 2
+        for m in range(4):  # from the image to the facet
+            total = place[m, 0] * inv[0] + place[m, 1] * inv[1] + place[m, 2] * inv[2]
+            for k in range(3):
+                place[m, k] *= inv[k] / max(total, 1e-300)
+        for n in range(count):
+            for k in range(3):
+                cuts[q, n, 0, k] = place[0, k]
+                cuts[q, n, 1, k] = place[1 + n, k]
+                cuts[q, n, 2, k] = place[2 + n, k]
+        found[q] = count
 
 
 @njit(cache=True, nogil=True)
@@ -249,7 +319,7 @@ def see_small(
 
 @njit(cache=True, nogil=True)
 def set_fractions(pixels: Any, seen: Any, visible: Any) -> None:
-    """Set `visible` (facet,) to the share of `seen` (facet,) in `pixels` (facet,) of facets that have any."""
+    """Set `visible` (facet,) to the share of `seen` (facet, 3) in `pixels` (facet,) of facets that have any."""
     for f in range(pixels.shape[0]):
         if pixels[f] > 0:
-            visible[f] = seen[f] / pixels[f]
+            visible[f] = seen[f, 0] / pixels[f]
