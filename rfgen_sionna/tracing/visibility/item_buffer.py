@@ -320,7 +320,7 @@ def _whole_views(parts: Sequence[tuple[Cuts, FloatArray]], total: FloatArray) ->
     """Cuts of all views, without facets that several views show; `total` (facet, 3) are their pixels in all of them."""
     facet = np.concatenate([np.zeros(0, np.intp), *(cuts.facet for cuts, _ in parts)])
     pieces = np.concatenate([np.zeros((0, 2, 3, 3)), *(cuts.pieces for cuts, _ in parts)])
-    count = np.concatenate([np.zeros(0, np.int32), *(cuts.count for cuts, _ in parts)])
+    count = np.concatenate([np.zeros(0, np.int32), *(cuts.triangles for cuts, _ in parts)])
     here = np.concatenate([np.zeros(0), *(pixels for _, pixels in parts)])
     order = np.argsort(facet, kind="stable")
     order = order[here[order] == total[facet[order], 0]]
