@@ -61,6 +61,8 @@ GAIN_PER_RTOL = 3.0
 stated `time_error`."""
 VISIBILITY_SPACING = 10e-3
 """Largest gap [s] between four or more sample times of gains and visibility; knots of delays may be closer."""
+LEAST_RTOL = 5e-3
+"""Tolerance below which direct returns alone are traced by element pair as well, with shadows to a fraction of it."""
 _MORE, _AGAIN = 1.1, 3
 """Growth of the cancellation above which an interval is traced anew with more sample times, and the largest number of
 traces."""
@@ -232,7 +234,7 @@ class Tracer:
         span
             First and last time [s] of the run, which is planned for these; None plans each interval by itself.
         """
-        indirect = self.max_bounces > 1 or self.transmission
+        indirect = self.max_bounces > 1 or self.transmission or self.rtol < LEAST_RTOL
         return TraceRun(self._follow(cull) if indirect else None, cull, span)
 
     def _follow(self, cull: bool) -> MovingTracer:

@@ -55,8 +55,8 @@ FINE_PARALLAX, COARSE_PARALLAX, FINE_RTOL = 0.1, 0.5, 0.03
 visibility: up to the tolerance given third, and above."""
 RANGE_MARGIN = 1.1
 """Range of tessellation over the range window: facets may enter it during the run."""
-EXPANSION_FACETS = 800
-"""Strongest facets that decide on an expansion."""
+EXPANSION_FACETS = 80.0
+"""Number of strongest facets of an actor that decide on an expansion, times the tolerance."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -208,7 +208,9 @@ class RunPlan:
     def values(self, sample: Sample, chosen: NDArray[np.intp]) -> tuple[ComplexArray, FloatArray]:
         """(node, chosen) gains of the expansion, and (chosen, 3) centroids [m] relative to the viewpoint."""
         gradient = self.scene.gradient(self.mesh.centroids(sample.points, chosen), self.steep)
-        return integrate(self.mesh, self.material, sample, chosen, self.nodes, self.settings.sagitta, gradient)
+        return integrate(
+            self.mesh, self.material, sample, chosen, self.nodes, self.settings.sagitta, self.settings.turn, gradient
+        )
 
     def first_pair(self, values: ComplexArray) -> ComplexArray:
         """(...) gains of the first pair in the middle of the band, from values (node, ...)."""
@@ -336,7 +338,8 @@ class _Planner:
             value, centroids = plan.values(sample, chosen)
             strength = np.abs(value[0]) * scene.pattern(centroids)
             group = scene.group[plan.mesh.facet_surface[chosen]]
-            few = np.concatenate([own[np.argsort(-strength[own])[:EXPANSION_FACETS]] for own in
+            most = int(EXPANSION_FACETS / scene.rtol)
+            few = np.concatenate([own[np.argsort(-strength[own])[:most]] for own in
                                   (np.flatnonzero(group == number) for number in np.unique(group))])  # fmt: skip
             checks.append((t, sample, chosen[np.sort(few)]))
 

@@ -150,6 +150,7 @@ def integrate(
     chosen: NDArray[np.intp],
     nodes: GainNodes,
     sagitta: float,
+    turn: float,
     gradient: FloatArray,
 ) -> tuple[ComplexArray, FloatArray]:
     """(node, chosen) gains with the shadow weight, and (chosen, 3) centroids [m] relative to the viewpoint; the
@@ -162,7 +163,7 @@ def integrate(
         patch_gains(
             sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, visible[chosen],
             cuts.of(chosen), cuts.pieces, cuts.triangles, material, mesh.single, nodes.table[own], nodes.fields,
-            nodes.media[own], nodes.bistatic, sagitta, gradient, found, centroids,
+            nodes.media[own], nodes.bistatic, sagitta, turn, gradient, found, centroids,
         )  # fmt: skip
         if found is not gains:
             gains[own] = found

@@ -10,6 +10,8 @@ from rfgen_sionna.tracing.visibility.item_buffer import Resolution
 
 MOST_PER_FACET, MAX_OUTLINE = 200.0, 1024
 """Bounds of the resolution of views, for time and memory."""
+FINE_RTOL, COARSE_TURN = 0.03, 0.3
+"""Tolerance from which pieces have an obliquity of their own, and the largest turn over a piece above it [rad]."""
 MAX_KNOTS = 513
 """Largest number of knots of an interval."""
 
@@ -23,6 +25,8 @@ class Settings:
     resolution: Resolution
     sagitta: float
     """Largest quadratic phase [rad] in the middle of an edge of a piece."""
+    turn: float
+    """Largest turn of the normal against the line of sight over a piece [rad]; 0 takes one obliquity for each facet."""
     omitted: float
     """Share of the energy of the bounds of facets that are left out."""
     spacing: float
@@ -35,6 +39,7 @@ class Settings:
             facet_rtol=rtol,
             resolution=Resolution(min(0.4 / rtol, MOST_PER_FACET), int(min(256 * np.sqrt(0.1 / rtol), MAX_OUTLINE))),
             sagitta=float(np.clip(0.75 * np.sqrt(10.0 * rtol), 0.02, 0.75)),
+            turn=0.0 if rtol > FINE_RTOL else float(2.0 * np.sqrt(rtol)),
             omitted=float(min((0.25 * rtol) ** 2, 1e-3)),
             spacing=float(np.clip(10e-3 * (rtol / 0.1) ** 0.25, 2.5e-3, 12e-3)),
         )
@@ -48,5 +53,6 @@ class Settings:
                 min(4 * self.resolution.facet, MOST_PER_FACET), min(2 * self.resolution.outline, MAX_OUTLINE)
             ),
             sagitta=0.5 * self.sagitta,
+            turn=0.5 * self.turn if self.turn > 0 else COARSE_TURN,
             omitted=0.05 * self.omitted,
         )

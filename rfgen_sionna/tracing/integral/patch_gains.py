@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from rfgen_sionna.tracing.integral.fresnel import cross, dot, minus, norm, obliquity, plus, scaled
+from rfgen_sionna.tracing.integral.fresnel import cross, dot, minus, norm, obliquity, plus, scaled, unit
 from rfgen_sionna.tracing.integral.phasor_moments import FAST, mean_phasor
 
 MAX_PARTS = 8
@@ -82,7 +82,7 @@ def _path_length(point: Any, t: Any, r: Any, apart: bool) -> float:
 def patch_gains(
     points: Any, faces: Any, group: Any, normals: Any, face_of: Any, weights: Any, chosen: Any, visible: Any,
     cut_of: Any, cuts: Any, cut_count: Any, material: Any, single: Any, nodes: Any, fields: Any, media: Any, bistatic:
-    bool, most_sagitta: float, gradient: Any, gains: Any, centroids: Any,
+    bool, most_sagitta: float, most_turn: float, gradient: Any, gains: Any, centroids: Any,
 ) -> None:  # fmt: skip
     """Gains (node, chosen) without the propagation phase of the `centroids` (chosen, 3) [m] of the flat facets.
 
@@ -110,6 +110,9 @@ def patch_gains(
         Whether the obliquity is that of separate elements; else that of an element half way.
     most_sagitta
         Largest quadratic phase [rad] in the middle of an edge of a piece.
+    most_turn
+        Largest turn of the normal against the line of sight over a piece [rad]; each piece has its own obliquity. 0
+        takes that of the middle for the whole facet.
     gradient
         (chosen, 3) gradient of the logarithm of the pattern gain [1/m]; empty means none.
     """
@@ -148,6 +151,7 @@ def patch_gains(
         if inward and single[face]:
             continue
         side = -1.0 if inward else 1.0
+        element, distance, base = zero, 1.0, 0.0
         top, facing = _on_patch(a, b, c, r, s, t, centre), scaled(_area_element(a, b, c, r, s, t, centre), side)
         size = norm(facing)
         if size <= 0.0:
@@ -157,6 +161,13 @@ def patch_gains(
             tilt = (gradient[q, 0], gradient[q, 1], gradient[q, 2])
         # Shadow weight: the visible fraction of the facet, or its visible pieces.
         cut = cut_of[q]
+        # Turn of the normal and of the line of sight over the facet.
+        turn = 0.0
+        if most_turn > 0.0:
+            first, last = _on_patch(a, b, c, r, s, t, one), _area_element(a, b, c, r, s, t, one)
+            for corner in (two, three):
+                bend = minus(unit(_area_element(a, b, c, r, s, t, corner)), unit(last))
+                turn = max(turn, norm(bend) + norm(minus(_on_patch(a, b, c, r, s, t, corner), first)) / norm(middle))
         pieces, factor = 1, 0.5j / (4.0 * np.pi) * visible[q]
         if cut >= 0:
             pieces, factor = cut_count[cut], 0.5j / (4.0 * np.pi)
@@ -203,13 +214,19 @@ def patch_gains(
                                 abs(0.5 * (path[0] + path[2]) - path[1]), abs(0.5 * (path[0] + path[5]) - path[3]),
                                 abs(0.5 * (path[2] + path[5]) - path[4]),
                             )  # fmt: skip
-                            parts = min(max(int(np.ceil(np.sqrt(wavenumber * rise / most_sagitta))), 1), MAX_PARTS)
+                            parts = int(np.ceil(np.sqrt(wavenumber * rise / most_sagitta)))
+                            if most_turn > 0.0:
+                                parts = max(parts, int(np.ceil(turn / most_turn)))
+                            parts = min(max(parts, 1), MAX_PARTS)
                             if parts == 1:
                                 break
-                strength = obliquity(
-                    media[n, material[face]], wavenumber, facing, top, (nodes[n, 0], nodes[n, 1], nodes[n, 2]),
-                    (nodes[n, 3], nodes[n, 4], nodes[n, 5]), tx_field, rx_field, bistatic,
-                )  # fmt: skip
+                own = most_turn > 0.0 and parts > 1
+                strength = 1.0 + 0j
+                if not own:
+                    strength = obliquity(
+                        media[n, material[face]], wavenumber, facing, top, (nodes[n, 0], nodes[n, 1], nodes[n, 2]),
+                        (nodes[n, 3], nodes[n, 4], nodes[n, 5]), tx_field, rx_field, bistatic,
+                    )  # fmt: skip
                 total = 0j
                 double = 2 * parts
                 for row in range(0, double, 2):
@@ -227,7 +244,19 @@ def patch_gains(
                             m0 = _place(double, (x1 + x2) // 2, (y1 + y2) // 2)
                             m1 = _place(double, (x2 + x0) // 2, (y2 + y0) // 2)
                             m2 = _place(double, (x0 + x1) // 2, (y0 + y1) // 2)
-                            total += mean_phasor(
+                            factor_here = 1.0 + 0j
+                            if own:  # of the piece, at the distance of the facet's middle
+                                x, y = (x0 + x1 + x2) / (3.0 * double), (y0 + y1 + y2) / (3.0 * double)
+                                place = plus(plus(scaled(one, 1.0 - x - y), scaled(two, x)), scaled(three, y))
+                                offset = minus(_on_patch(a, b, c, r, s, t, place), element)
+                                factor_here = obliquity(
+                                    media[n, material[face]], wavenumber,
+                                    unit(scaled(_area_element(a, b, c, r, s, t, place), side)),
+                                    plus(element, scaled(offset, distance / max(norm(offset), MIN_DISTANCE))),
+                                    (nodes[n, 0], nodes[n, 1], nodes[n, 2]), (nodes[n, 3], nodes[n, 4], nodes[n, 5]),
+                                    tx_field, rx_field, bistatic,
+                                )  # fmt: skip
+                            total += factor_here * mean_phasor(
                                 wavenumber * path[i0], wavenumber * path[i1], wavenumber * path[i2],
                                 weight[i0], weight[i1], weight[i2],
                                 wavenumber * (0.5 * (path[i1] + path[i2]) - path[m0]),

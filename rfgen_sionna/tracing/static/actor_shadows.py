@@ -132,6 +132,7 @@ class StaticShadows:
                 np.zeros((0, 3, 3)), chosen, share, hidden.of(chosen), hidden.pieces, hidden.triangles,
                 np.asarray(self._static.facets.surface, np.int32), np.zeros(len(self._faces), np.bool_), self._nodes[0],
                 self._nodes[1], self._nodes[2], not self._band.alike, self._sagitta,
+                0.0,
                 np.zeros((0, 3)) if gradient is None else gradient, gains, places,
             )  # fmt: skip
         return chosen, self._band.combined(self._expansion, gains)
