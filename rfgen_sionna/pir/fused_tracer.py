@@ -17,7 +17,7 @@ from rfgen_sionna.tracing.report import Traced, TraceReport
 from rfgen_sionna.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
-    from rfgen_sionna.tracing.tracer import TraceRun
+    from rfgen_sionna.tracing.trace_run import TraceRun
 
 KEY_SPACING = 0.5
 """Time between refined images [s]; gains are blended in between."""

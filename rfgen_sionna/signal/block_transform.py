@@ -39,7 +39,7 @@ _CELLS = 1 << 19  # vectors of a grid, 16 MB
 _DENSE = 0.75  # beats per sample below which a matrix product is faster than FFTs
 
 
-class Plan(NamedTuple):
+class BlockPlan(NamedTuple):
     """Form of the blocks of one frame."""
 
     loops: int
@@ -56,7 +56,7 @@ class _Tables(NamedTuple):
     delays: FloatArray
 
 
-def block_echoes(
+def block_sums(
     radar: Radar, paths: RadarPaths, start: float, channels: list[tuple[int, int]], eps: float
 ) -> Iterator[tuple[tuple[int, int, slice], NDArray[np.complex64]]] | None:
     """(chirp, rx, sample) of a group of Rx for each (entry of the axis "tx", Tx) of `channels`; None if blocks are not
@@ -81,7 +81,7 @@ def paths_of_constant_rate(paths: RadarPaths, times: FloatArray) -> RadarPaths:
 
 
 def _echoes(
-    groups: _Groups, plan: Plan, channels: list[tuple[int, int]], first: _Tables
+    groups: _Groups, plan: BlockPlan, channels: list[tuple[int, int]], first: _Tables
 ) -> Iterator[tuple[tuple[int, int, slice], NDArray[np.complex64]]]:
     from rfgen_sionna.signal.block_kernels import LANES
 
@@ -133,7 +133,7 @@ class _Groups:
         padding = ((0, 0), (0, 0), (0, self.knots - len(self.paths.times)))
         return np.ascontiguousarray(np.pad(np.stack(found, axis=1), padding))
 
-    def plan(self, tables: _Tables, entry: int, eps: float) -> Plan | None:
+    def plan(self, tables: _Tables, entry: int, eps: float) -> BlockPlan | None:
         """Largest blocks whose error is at most `eps`."""
         from rfgen_sionna.signal.block_kernels import moments
 
@@ -148,9 +148,9 @@ class _Groups:
             blocks = -(-wave.num_loops // largest)
             loops = -(-wave.num_loops // blocks)
             if not found[0] > 0:
-                return Plan(loops, powers, 4, 4)  # silence
+                return BlockPlan(loops, powers, 4, 4)  # silence
             if error(found, loops, powers) ** 2 <= limit:
-                return Plan(loops, powers, *_widths(found, loops, _TAPS_SHARE * eps))
+                return BlockPlan(loops, powers, *_widths(found, loops, _TAPS_SHARE * eps))
         return None
 
     def _dispersion_error(self) -> float:
@@ -162,7 +162,7 @@ class _Groups:
         count, of_powers = len(self.powers), np.abs(self.powers) @ np.array(sizes)
         return sum(float(of_powers[n]) * _rms_left(self.window.count, max(count, 5), n) for n in range(3, count))
 
-    def samples(self, tables: _Tables, entry: int, plan: Plan) -> NDArray[np.complex64]:
+    def samples(self, tables: _Tables, entry: int, plan: BlockPlan) -> NDArray[np.complex64]:
         """(chirp, lane, sample)"""
         from rfgen_sionna.signal.block_kernels import LANES, beat_bounds, spread
 

@@ -31,7 +31,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import RadarPaths, knot_weights
 from rfgen_sionna.scene.mitsuba_backend import ensure_llvm, has_cuda
-from rfgen_sionna.signal.block_transform import LEAST_EPS, block_echoes
+from rfgen_sionna.signal.block_transform import LEAST_EPS, block_sums
 from rfgen_sionna.signal.nufft import (
     BEAT,
     GAINS,
@@ -275,7 +275,7 @@ def _synthesize_moving(
     if not (transmitters := _transmitters(weights)):
         return
     if eps >= LEAST_EPS and device == "cpu":
-        echoes = block_echoes(radar, paths, start, transmitters, eps)
+        echoes = block_sums(radar, paths, start, transmitters, eps)
         if echoes is not None:
             yield from echoes
             return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,12 +19,13 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tolerance import SIMULATOR_RTOL
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.direct.direct_trace import trace_direct
-from rfgen_sionna.tracing.direct.run_plan import RunPlan, RunScene
+from rfgen_sionna.tracing.direct.trace_plan import RunScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
 from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
 from rfgen_sionna.tracing.ghosts.mirrors import find_mirrors
 from rfgen_sionna.tracing.integral.slabs import warn_of_late_reflections
+from rfgen_sionna.tracing.joint_trace import JointScene, trace_jointly
 from rfgen_sionna.tracing.moving.fast_turns import choose_limited_sample_times
 from rfgen_sionna.tracing.moving.indirect_paths import IndirectPaths
 from rfgen_sionna.tracing.moving.knots import Knots, choose_knots
@@ -32,9 +33,8 @@ from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
 from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
-from rfgen_sionna.tracing.static.actor_shadows import Shadow, StaticShadows
+from rfgen_sionna.tracing.static.actor_shadows import StaticShadows
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
-from rfgen_sionna.tracing.static.static_refinement import interpolation_error, refine_occlusion
 from rfgen_sionna.tracing.static.static_reflections import StaticReflections, trace_static_reflections
 from rfgen_sionna.tracing.static.static_trace import StaticTrace, trace_static
 from rfgen_sionna.tracing.static.static_transmission import (
@@ -44,9 +44,9 @@ from rfgen_sionna.tracing.static.static_transmission import (
     trace_static_slab_reflections,
     trace_static_transmission,
 )
-from rfgen_sionna.tracing.static.static_visibility import StaticVisibility
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
 from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
+from rfgen_sionna.tracing.trace_run import TraceRun
 from rfgen_sionna.tracing.transmission.slab_footprints import SlabLegs
 from rfgen_sionna.tracing.transmission.transmission import Transmission
 
@@ -66,27 +66,6 @@ LEAST_RTOL = 5e-3
 _MORE, _AGAIN = 1.1, 3
 """Growth of the cancellation above which an interval is traced anew with more sample times, and the largest number of
 traces."""
-
-
-class TraceRun:
-    """A run of :meth:`Tracer.follow`."""
-
-    def __init__(self, indirect: MovingTracer | None, cull: bool, span: tuple[float, float] | None) -> None:
-        self.indirect = indirect
-        """Tracer of indirect paths, with direct ones; None traces direct ones alone."""
-        self._cull, self._span = cull, span
-        self._plans: dict[float, RunPlan] = {}
-
-    def plan(self, scene: RunScene, start: float, stop: float) -> RunPlan:
-        """Plan for an interval from `start` to `stop` [s]."""
-        length = round(stop - start, 9)
-        known = self._plans.get(length)
-        if self._span is not None and start >= self._span[0] - 1e-9 and stop <= self._span[1] + 1e-9:
-            if known is None:
-                known = self._plans[length] = RunPlan.of(scene, *self._span, length, self._cull)
-        elif known is None or not known.holds(start):
-            known = self._plans[length] = RunPlan.of(scene, start, stop, length, self._cull)
-        return known
 
 
 class Tracer:
@@ -396,69 +375,11 @@ class Tracer:
         watch: Callable[[float, RayScene], None] | None = None,
     ) -> Traced:
         """Trace with delays at `knots` and gains at `sample_times` [s]; `turned` is the time error so far."""
-        static, static_indirect = self.static, self.static_indirect
-        shares: dict[float, StaticVisibility] = {}
-        fractions: list[dict[float, FloatArray]] = [{} for _ in static_indirect]
-        sent = [static.rays, *(each.rays for each in static_indirect)]
-
-        @cache
-        def occluded() -> NDArray[np.intp]:
-            """Static facets that actors may occlude at a sample time."""
-            each = zip(*(self._vertices(t) for t in sample_times.tolist()), strict=True)
-            return static.behind([np.concatenate(places) for places in each])
-
-        def visibility(t: float) -> RayScene:
-            """Ray scene at `t`; finds the static facets that actors occlude then, once per time."""
-            rays = self.rays_at(t)
-            if t not in shares and self.actors:
-                shares[t], count = static.visible(rays, occluded(), parts.silhouette_rays(t))
-                sent.append(count)
-                for each, by_time in zip(static_indirect, fractions, strict=True):
-                    by_time[t], count = each.visible(rays, self._vertices(t))
-                    sent.append(count)
-                if watch is not None:
-                    watch(t, rays)
-            return rays
-
-        moving = parts.trace(knots, sample_times, self._vertices, visibility, self._rays, self.rays_at)
-        sample_times = moving.sample_times
-        for t in sample_times.tolist():
-            if t not in shares and self.actors and (len(static.facets) or watch is not None):
-                visibility(t)
-
-        static_visibility = [shares.get(t, static.without_actors) for t in sample_times.tolist()]
-        candidates = refine_occlusion(
-            static, sample_times, static_visibility, lambda t: self.rays_at(t, keep=False), self.rtol
-        )
-        indirect = [
-            np.stack([by_time[t] for t in sample_times.tolist()], axis=1) if by_time else None for by_time in fractions
-        ]
-        pairs = list(zip(static_indirect, indirect, strict=True))
-        unseen = [interpolation_error(static, each.paths, share) for each, share in pairs if share is not None]
-
-        def shadows() -> tuple[Shadow, ...]:
-            found = list(candidates.shadows(static))
-            first = static.paths.num_paths
-            for each, share in pairs:
-                if share is not None:
-                    found += [shadow.of(first) for shadow in each.shadows(sample_times, share)]
-                first += each.paths.num_paths
-            return tuple(shadow for shadow in found if shadow.paths.num_paths)
-
-        edges = max([candidates.missed, *(each.missed for each in shares.values())])
-        report = TraceReport(
-            facets=len(static.facets) + moving.facets + candidates.sampled_facets,
-            rays=sum(sent) + moving.rays + candidates.rays,
-            sample_times=len(sample_times),
-            knots=len(knots),
-            error=max(float(np.hypot(static.error, edges)) + sum(each.error for each in static_indirect), moving.error),
-            time_error=max(
-                float(np.hypot(moving.time_error, turned)), float(np.linalg.norm([candidates.error, *unseen]))
-            ),
-        )
-        return Traced(
-            self._static_paths, shadows, moving.paths, moving.refined, report, moving.places, moving.refined_places
-        )
+        scene = JointScene(
+            self.static, self.static_indirect, self._static_paths, self._vertices, self.rays_at, self._rays,
+            bool(self.actors), self.rtol,
+        )  # fmt: skip
+        return trace_jointly(scene, knots, sample_times, parts, turned, watch)
 
     def rays_at(self, t: float, keep: bool = True) -> RayScene:
         """Static and moving meshes at `t` [s], valid until the next call; `keep` caches the vertices for the current

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.records import PathKind, RadarPaths, knot_weights
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.direct.run_plan import SAFETY, TIME_PER_RTOL, RunPlan, first_delays
 from rfgen_sionna.tracing.direct.samples import Sample, pair_delays
 from rfgen_sionna.tracing.direct.settings import MAX_KNOTS
 from rfgen_sionna.tracing.direct.time_error import prediction_error
+from rfgen_sionna.tracing.direct.trace_plan import SAFETY, TIME_PER_RTOL, TracePlan, first_delays
 from rfgen_sionna.tracing.surface.facets import RATE_STEP, Facets
 from rfgen_sionna.tracing.visibility.item_buffer import Shadows
 
@@ -40,7 +40,7 @@ class DirectTrace:
 
 
 def trace_direct(
-    plan: RunPlan, start: float, stop: float, names: tuple[tuple[str, ...], tuple[str, ...]]
+    plan: TracePlan, start: float, stop: float, names: tuple[tuple[str, ...], tuple[str, ...]]
 ) -> DirectTrace:
     """Paths from `start` to `stop` [s], with as many knots as the motion demands; `names` are those of objects and
     parts."""
@@ -90,7 +90,7 @@ def _rests(samples: list[Sample]) -> bool:
 
 
 def _paths(
-    plan: RunPlan,
+    plan: TracePlan,
     times: FloatArray,
     samples: list[Sample],
     chosen: NDArray[np.intp],
@@ -143,7 +143,7 @@ def _paths(
     )
 
 
-def _diffuse(plan: RunPlan, sample: Sample, chosen: NDArray[np.intp]) -> ComplexArray | None:
+def _diffuse(plan: TracePlan, sample: Sample, chosen: NDArray[np.intp]) -> ComplexArray | None:
     """(tx, rx, facet) diffuse gains with the shadow weight; None without rough surfaces."""
     scene, mesh = plan.scene, plan.mesh
     materials = tuple(each.material for each in scene.surfaces)

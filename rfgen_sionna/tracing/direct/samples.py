@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.tracing.direct.return_bounds import bound_returns, significant
+from rfgen_sionna.tracing.direct.facet_bounds import bound_returns, significant
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.visibility.item_buffer import (

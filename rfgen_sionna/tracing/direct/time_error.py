@@ -53,3 +53,8 @@ def _sums(values: ComplexArray, group: IntArray, count: int) -> ComplexArray:
 
 def _rms(values: ComplexArray) -> FloatArray:
     return np.asarray(np.sqrt((values.real**2 + values.imag**2).mean(axis=1)))
+
+
+def share_of(error: FloatArray, level: FloatArray) -> FloatArray:
+    """(group,) `error` relative to the `level`; 0 without a return."""
+    return np.asarray(error / np.where(level > 0, level, np.inf))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from rfgen_sionna.tracing.visibility.rasterise import (
     see_points,
     see_small,
     set_fractions,
-    widen_outline,
+    widen_window,
 )
 
 MAX_TANGENT = 2.0
@@ -52,7 +52,7 @@ class Meshes:
 
 
 @dataclass(frozen=True)
-class View:
+class ItemView:
     """One image plane."""
 
     axes: FloatArray
@@ -77,7 +77,7 @@ class Resolution:
     """Least number of pixels along the longer side of a surface."""
 
 
-def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resolution) -> list[View]:
+def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resolution) -> list[ItemView]:
     """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the
     smallest surface of a view has this `resolution`."""
     vertex_range = meshes.vertex_range
@@ -105,7 +105,7 @@ def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resol
             scale *= np.sqrt(MAX_PIXELS / (size[0] * size[1]))
             size = (high - low) * scale + 2 * MARGIN
         rows, columns = int(np.ceil(size[1])), int(np.ceil(size[0]))
-        views.append(View(axes, low - MARGIN / scale, float(scale), (rows, columns), tuple(cluster)))
+        views.append(ItemView(axes, low - MARGIN / scale, float(scale), (rows, columns), tuple(cluster)))
     return views
 
 
@@ -138,7 +138,7 @@ def _window(points: Sequence[FloatArray], axes: FloatArray) -> tuple[FloatArray,
     """Lowest and highest tangents (2,) of points (vertex, 3) [m]; None where a point is behind or too far aside."""
     outline = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
     for each in points:
-        if not widen_outline(each, axes, outline) or np.abs(outline).max() > MAX_TANGENT:
+        if not widen_window(each, axes, outline) or np.abs(outline).max() > MAX_TANGENT:
             return None
     return outline[0], outline[1]
 
@@ -159,11 +159,11 @@ def _clusters(outlines: dict[int, tuple[FloatArray, FloatArray]]) -> list[list[i
     return sorted(found)
 
 
-def _cube(surfaces: tuple[int, ...], size: int) -> list[View]:
+def _cube(surfaces: tuple[int, ...], size: int) -> list[ItemView]:
     """Six sides around the viewpoint, `size` pixels wide."""
     sides = [np.array([s if k == axis else 0.0 for k in range(3)]) for axis in range(3) for s in (1.0, -1.0)]
     size = min(size, int(np.sqrt(MAX_PIXELS)))
-    return [View(_axes(each), np.array([-1.0, -1.0]), size / 2.0, (size, size), surfaces) for each in sides]
+    return [ItemView(_axes(each), np.array([-1.0, -1.0]), size / 2.0, (size, size), surfaces) for each in sides]
 
 
 class Cuts(NamedTuple):
@@ -205,7 +205,7 @@ class ItemBuffer:
     """Draws `meshes` at one time after another in the same `views`, before facets at rest with corners (facet, 3, 3)
     [m] relative to the viewpoint, visible without the surfaces."""
 
-    def __init__(self, meshes: Meshes, views: Sequence[View], static: FloatArray) -> None:
+    def __init__(self, meshes: Meshes, views: Sequence[ItemView], static: FloatArray) -> None:
         self.meshes, self.views = meshes, tuple(views)
         self._first = len(static)
         count = int(meshes.vertex_range.max(initial=0))
@@ -247,17 +247,21 @@ class ItemBuffer:
         for number, view in enumerate(self.views):
             nearest, items = self._cleared(number)
             drawn, seen = np.zeros(count, np.int32), np.zeros((count, 3))
-            given: Any = view.origin, view.scale, nearest, items
             for k in view.surfaces:
                 vertices, facets = slice(*meshes.vertex_range[k]), slice(*meshes.facet_range[k])
                 project(points[vertices], view.axes, self._left[vertices], self._up[vertices], self._inverse[vertices])
-                own = meshes.corners[facets], meshes.single[facets], self._first + int(meshes.facet_range[k, 0])
-                draw(points, self._left, self._up, self._inverse, view.axes, *own, *given, drawn[facets])
+                draw(
+                    points, self._left, self._up, self._inverse, view.axes, meshes.corners[facets],
+                    meshes.single[facets], self._first + int(meshes.facet_range[k, 0]), view.origin, view.scale,
+                    nearest, items, drawn[facets],
+                )  # fmt: skip
             count_items(items, self._first, seen)
             for k in view.surfaces:
                 facets = slice(*meshes.facet_range[k])
                 # Facets too small for pixels of their own are visible where their centroids are.
-                see_small(points, view.axes, *given, meshes.corners[facets], drawn[facets], found[facets])
+                see_small(points, view.axes, view.origin, view.scale, nearest, items, meshes.corners[facets],
+                drawn[facets],
+                          found[facets])  # fmt: skip
             partial = np.flatnonzero((seen[:, 0] > 0) & (seen[:, 0] < drawn))
             shares = seen[partial, 0] / drawn[partial]
             cuts.append(self._cut(view, (self._left, self._up, self._inverse), meshes.corners, partial, shares, seen))
@@ -293,7 +297,7 @@ class ItemBuffer:
 
     def _cut(
         self,
-        view: View,
+        view: ItemView,
         projected: tuple[FloatArray, FloatArray, FloatArray],
         corners: IntArray,
         partial: NDArray[np.intp],

@@ -27,7 +27,7 @@ def bounding_box(points: Any, box: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def widen_outline(points: Any, view: Any, outline: Any) -> bool:
+def widen_window(points: Any, view: Any, outline: Any) -> bool:
     """Widen `outline` (2, 2), lowest and highest tangents to the left and up, to `points` (point, 3) in a `view`; False
     where a point is behind or nearly beside the viewpoint."""
     for i in range(points.shape[0]):

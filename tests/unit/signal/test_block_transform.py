@@ -67,14 +67,14 @@ def blocks(monkeypatch):
 def forms(monkeypatch):
     """Whether each sum was made in blocks."""
     made = []
-    before = synthesis.block_echoes
+    before = synthesis.block_sums
 
     def noted(*arguments):
         found = before(*arguments)
         made.append(found is not None)
         return found
 
-    monkeypatch.setattr(synthesis, "block_echoes", noted)
+    monkeypatch.setattr(synthesis, "block_sums", noted)
     return made
 
 
