@@ -52,13 +52,12 @@ def screen(half):
         np.pi / 2, (0, 1, 0)))  # fmt: skip
 
 
-def both(radar, actors, rtol, monkeypatch, name="body"):
+def both(radar, actors, rtol, name="body"):
     """With such facets and without: (error relative to what is returned with them, stated error, facets integrated)."""
     found = []
-    for share in (0.0, sight.CULLED_PER_RTOL):
-        monkeypatch.setattr(sight, "CULLED_PER_RTOL", share)
+    for cull in (False, True):
         tracer = Tracer(None, radar, actors, rtol)
-        traced = tracer.trace(0.0, 0.0)
+        traced = tracer.trace(0.0, 0.0, tracer.follow(cull=cull))
         found.append((channel(tracer, traced, name), traced.report.error, traced.moving.num_paths))
     (whole, _, most), (some, stated, fewer) = found
     error = np.sqrt((np.abs(some - whole) ** 2).mean() / (np.abs(whole) ** 2).mean())
@@ -66,24 +65,24 @@ def both(radar, actors, rtol, monkeypatch, name="body"):
 
 
 @pytest.mark.parametrize(("rtol", "fewer"), [(0.1, 0.8), (1e-2, 0.99)])
-def test_what_is_left_out_is_within_the_tolerance(radar, rtol, fewer, monkeypatch):
+def test_what_is_left_out_is_within_the_tolerance(radar, rtol, fewer):
     body = MeshActor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
-    error, stated, share = both(radar, [body], rtol, monkeypatch)
+    error, stated, share = both(radar, [body], rtol)
     assert error < 0.5 * rtol
     assert error < stated
     assert share < fewer
 
 
-def test_nothing_is_left_out_at_fine_tolerances(radar, monkeypatch):
+def test_nothing_is_left_out_at_fine_tolerances(radar):
     """To look for it would take longer."""
     body = MeshActor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
-    error, _, share = both(radar, [body], 1e-3, monkeypatch)
+    error, _, share = both(radar, [body], 1e-3)
     assert (error, share) == (0.0, 1.0)
 
 
 @pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
 @pytest.mark.parametrize("material", ["foam", pytest.param("half a wavelength of plastic", marks=pytest.mark.slow)])
-def test_what_hardly_reflects_where_it_mirrors_the_radar(radar, rtol, material, monkeypatch):
+def test_what_hardly_reflects_where_it_mirrors_the_radar(radar, rtol, material):
     """Aslant it reflects all the more: nothing of it is taken for faint that is not."""
     made = MATERIALS["foam"]
     if material != "foam":
@@ -91,25 +90,25 @@ def test_what_hardly_reflects_where_it_mirrors_the_radar(radar, rtol, material, 
         index = np.sqrt(complex(plastic.relative_permittivity(frequency)).real)
         made = replace(plastic, thickness=SPEED_OF_LIGHT / frequency / 2 / index)
     body = MeshActor.from_mesh(lumpy(4), material=made, position=(3, 0, 1), name="body")
-    error, stated, _ = both(radar, [body], rtol, monkeypatch)
+    error, stated, _ = both(radar, [body], rtol)
     assert error < 0.5 * rtol
     assert error < stated
 
 
 @pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
 @pytest.mark.parametrize("turn", [0.2, pytest.param(0.5, marks=pytest.mark.slow)])
-def test_of_what_cancels_less_is_left_out(radar, rtol, turn, monkeypatch):
+def test_of_what_cancels_less_is_left_out(radar, rtol, turn):
     """A box that lies aslant returns little of what its facets do: the error stated is not that of the facets."""
     box = trimesh.creation.box((0.3, 0.3, 0.3)).subdivide_to_size(0.02)
     body = MeshActor.from_mesh(box, material="pec", position=(2, 0, 1), orientation=(turn, 0.1, 0), name="body")
-    error, stated, _ = both(radar, [body], rtol, monkeypatch)
+    error, stated, _ = both(radar, [body], rtol)
     assert error < 0.5 * rtol
     assert error < stated < 2 * rtol
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
-def test_a_wide_array_sees_facets_from_other_sides(radar, rtol, monkeypatch):
+def test_a_wide_array_sees_facets_from_other_sides(radar, rtol):
     """Elements spread over 2 m: what is faint in the middle may mirror the outermost pair."""
     tx, rx = radar.tx_positions.copy(), radar.rx_positions.copy()
     for each in (tx, rx):
@@ -118,10 +117,9 @@ def test_a_wide_array_sees_facets_from_other_sides(radar, rtol, monkeypatch):
     wide = replace(radar, tx_positions=tx, rx_positions=rx + np.array([0, 0, 0.01]))
     body = MeshActor.from_mesh(lumpy(), material="skin", position=(2, 0, 1), name="body")
     found = []
-    for share in (0.0, sight.CULLED_PER_RTOL):
-        monkeypatch.setattr(sight, "CULLED_PER_RTOL", share)
+    for cull in (False, True):
         tracer = Tracer(None, wide, [body], rtol)
-        found.append(channel(tracer, tracer.trace(0.0, 0.0), "body"))
+        found.append(channel(tracer, tracer.trace(0.0, 0.0, tracer.follow(cull=cull)), "body"))
     whole, some = found
     level = np.sqrt((np.abs(whole) ** 2).mean())
     assert np.sqrt((np.abs(some - whole) ** 2).mean(axis=1)).max() < 0.5 * rtol * level
@@ -129,12 +127,12 @@ def test_a_wide_array_sees_facets_from_other_sides(radar, rtol, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rtol", [pytest.param(0.1, marks=pytest.mark.slow), 1e-2])
-def test_what_mirrors_the_radar_is_hidden(radar, rtol, monkeypatch):
+def test_what_mirrors_the_radar_is_hidden(radar, rtol):
     """A disc before the body hides all but its rim, which is faint beside what would be seen without it: none of the
     rim is left out by what is hidden."""
     disc = MeshActor.from_mesh(screen(0.23), material="pec", position=(2.4, 0, 1), name="disc")
     body = MeshActor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
-    error, stated, _ = both(radar, [body, disc], rtol, monkeypatch)
+    error, stated, _ = both(radar, [body, disc], rtol)
     assert error < rtol
     assert error < stated
 
@@ -147,7 +145,7 @@ def test_what_is_seen_tells_what_is_faint(radar, rounds, monkeypatch):
     disc = MeshActor.from_mesh(screen(0.25), material="pec", position=(2.4, 0, 1), name="disc")
     body = MeshActor.from_mesh(lumpy(), material="skin", position=(3, 0, 1), name="body")
     tracer = Tracer(None, radar, [body, disc], rtol)
-    run = tracer.follow()
+    run = tracer._follow(True)
     positions = tracer._vertices
     run._error_control.cancellation[:] = 1.0
     run._facets.follow(positions, np.zeros(1))

@@ -137,7 +137,7 @@ def test_finer_motion_sampling_does_not_change_the_spectrogram(radar):
         vertices = person.vertices(float(instant))
         centroids.append(vertices[person.faces[paths.facet]].mean(axis=1))
     centroids = np.stack(centroids, axis=1)
-    whole = np.bincount(run._facets.pieces[0].face)[paths.facet] == 1  # not split
+    whole = np.bincount(run.indirect._facets.pieces[0].face)[paths.facet] == 1  # not split
     assert whole.mean() > 0.5  # most of what is told, though faces near the rim are split
     length = sum(np.linalg.norm(centroids - element, axis=2) for element in (radar.tx_world[0], radar.rx_world[0]))
     error = 2 * np.pi * radar.center_frequency * (delays - length / 299_792_458.0)[whole]

@@ -221,7 +221,7 @@ def test_faces_bend_as_their_normals_say(kind):
     assert np.abs(expected).max() > 1e-4
     for any_visible in (np.arange(1, len(faces), 3), np.zeros(0, np.intp)):
         some = smooth.patches([vertices], faces, any_visible)[0].sagittas
-        assert np.array_equal(some[any_visible], found[any_visible])
+        np.testing.assert_allclose(some[any_visible], found[any_visible], rtol=0, atol=1e-16)
         assert not np.delete(some, any_visible, axis=0).any()
 
 

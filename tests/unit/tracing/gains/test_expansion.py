@@ -14,6 +14,7 @@ from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.integral.quadratic import SlopeOrder
 from rfgen_sionna.tracing.moving.interval import TraceInterval
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
+from rfgen_sionna.tracing.trace_run import TraceRun
 from rfgen_sionna.tracing.tracer import Tracer
 
 
@@ -118,8 +119,8 @@ def test_a_tangent_has_the_return_of_every_pair_over_the_band():
     ball = MeshActor.from_mesh(mesh, material="skin", position=(2, 0.4, 1.1), name="ball")
     rtol = 1e-2
     tracer = Tracer(None, radar, [ball], rtol)
-    run = tracer.follow()
-    tracer.trace(0.0, 0.0, run)
+    run = tracer._follow(True)
+    tracer.trace(0.0, 0.0, TraceRun(run, True, None))
     expansion, band = run._error_control.expansion, run._band
     assert expansion.axes is not None
     assert len(expansion.nodes) <= 3
@@ -147,8 +148,8 @@ def test_the_pieces_of_a_facet_sum_to_its_return(shape):
     mesh = ball if shape == "ball" else trimesh.creation.box((0.02, 0.06, 0.05))
     actor = MeshActor.from_mesh(mesh, material="skin", position=(2, 0.2, 1.1), orientation=(0.02, 0.01, 0), name="it")
     tracer = Tracer(None, radar, [actor], 1e-2)
-    run = tracer.follow()
-    tracer.trace(0.0, 0.0, run)
+    run = tracer._follow(True)
+    tracer.trace(0.0, 0.0, TraceRun(run, True, None))
     rays = tracer.rays_at(0.0)
     (visible,) = run._trace_visibility(
         [0.0], TraceInterval(np.zeros(1), lambda t: [actor.vertices(t)], lambda t: rays, rays, lambda t: rays, [])

@@ -11,6 +11,7 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.moving import moving_visibility as sight
 from rfgen_sionna.tracing.moving.interval import TraceInterval
 from rfgen_sionna.tracing.surface.surfaces import outward_faces
+from rfgen_sionna.tracing.trace_run import TraceRun
 from rfgen_sionna.tracing.tracer import Tracer
 
 
@@ -34,8 +35,8 @@ def radar():
 def sampled(radar, actors, times):
     """Visibility at `times`, and the moving tracer."""
     tracer = Tracer(None, radar, actors, 1e-2)
-    run = tracer.follow()
-    tracer.trace(times[0], times[0], run)
+    run = tracer._follow(True)
+    tracer.trace(times[0], times[0], TraceRun(run, True, None))
     interval = TraceInterval(
         np.array(times[:1]), tracer._vertices, lambda t: tracer._rays, tracer._rays, tracer.rays_at, []
     )
@@ -129,8 +130,8 @@ def test_resampled_facets_have_all_occluders(radar, kind, spin):
     )
     actors = [turning, actor(plate, "plate", 3.0)]
     tracer = Tracer(None, radar, actors, 1e-2)
-    run = tracer.follow()
-    tracer.trace(0.0, 0.0, run)
+    run = tracer._follow(True)
+    tracer.trace(0.0, 0.0, TraceRun(run, True, None))
     times = np.linspace(0.0, 0.02, 17).tolist()
     first = len(body.faces)
     vertices = [tracer._vertices(t) for t in times]
