@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,9 @@ from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.signal.path_phases import element_gains
 from rfgen_sionna.tracing.report import TraceReport
-from rfgen_sionna.tracing.tracer import Tracer
+
+if TYPE_CHECKING:
+    from rfgen_sionna.tracing.tracer import Tracer
 
 TRIM_INTERVAL = 50
 """Number of frames after which free memory goes back to the system."""

@@ -14,10 +14,10 @@ from rfgen_sionna.pir.image_surroundings import ImageSurroundings
 from rfgen_sionna.records import Pir, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.report import Traced, TraceReport
-from rfgen_sionna.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
     from rfgen_sionna.tracing.trace_run import TraceRun
+    from rfgen_sionna.tracing.tracer import Tracer
 
 KEY_SPACING = 0.5
 """Time between refined images [s]; gains are blended in between."""

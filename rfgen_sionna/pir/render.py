@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,9 @@ from rfgen_sionna.radar.pose import POLARIZATIONS, Vector, rotation_matrix
 from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import Pir
 from rfgen_sionna.tracing.max_bounces import MOST_BOUNCES
-from rfgen_sionna.tracing.tracer import Tracer
+
+if TYPE_CHECKING:
+    from rfgen_sionna.tracing.tracer import Tracer
 
 PATCH_WAVELENGTHS = 1.5
 """Edge of a patch at `PATCH_RANGE` [wavelengths]: smaller than the facets of a body and its radii of curvature."""
@@ -134,7 +136,7 @@ def _indirect(tracer: Tracer, t: float, bounces: int, view: View) -> tuple[Compl
     """(pixel,) gains of coherent returns by several surfaces or through slabs, and these returns."""
     radar = _one_element(tracer.radar, view.position, view.orientation)
     given = tracer.scene, radar, tracer.actors, INDIRECT
-    paths = Tracer(*given, max_bounces=bounces, transmission=tracer.transmission).instant(t, indirect=True)
+    paths = type(tracer)(*given, max_bounces=bounces, transmission=tracer.transmission).instant(t, indirect=True)
     a = paths.a[0, 0, :, 0] * np.exp(-2j * np.pi * np.mod(paths.frequency * paths.tau[0, 0, :, 0], 1.0))
     pixel = view.pixels(paths.arrival[:, 0])
     there = pixel >= 0

@@ -62,6 +62,10 @@ class TraceReport(ShortRepr):
     reference of its `error`. Other indirect paths of actors are not included.
     """
 
+    surface: float = 0.0
+    """What the meshes leave open, at any tolerance: change of the worst actor's return, relative to itself, if the
+    quads of its smooth mesh were cut along the other diagonal. 0 for flat meshes, and where it was not measured."""
+
     between = Renamed("time_error")
     instants = Renamed("sample_times")
 

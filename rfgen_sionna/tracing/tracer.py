@@ -33,9 +33,9 @@ from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
 from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
-from rfgen_sionna.tracing.static.actor_shadows import StaticShadows
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
 from rfgen_sionna.tracing.static.static_reflections import StaticReflections, trace_static_reflections
+from rfgen_sionna.tracing.static.static_shadows import StaticShadows
 from rfgen_sionna.tracing.static.static_trace import StaticTrace, trace_static
 from rfgen_sionna.tracing.static.static_transmission import (
     StaticTransmission,
@@ -338,6 +338,7 @@ class Tracer:
             knots=len(times),
             error=max(static.error, traced.error),
             time_error=max(traced.time_error, missed),
+            surface=traced.surface,
         )
 
         def none(_: float) -> FloatArray:

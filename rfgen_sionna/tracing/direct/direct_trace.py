@@ -31,6 +31,8 @@ class DirectTrace:
     """Measured relative error of the worst actor's return at the knots, of the run."""
     time_error: float
     """Estimated relative error of the worst actor's return between the knots."""
+    surface: float
+    """Change of the worst actor's return if quads of its mesh were cut along the other diagonal, of the run."""
     facets: int
     """Facets that were integrated, over all knots."""
     shadows: tuple[Shadows, ...]
@@ -80,7 +82,13 @@ def trace_direct(
 
     time_error = max(error, plan.time_error) if len(times) > 1 else 0.0
     return DirectTrace(
-        paths, plan.error, time_error, len(chosen) * len(times), tuple(each.shadows for each in samples), centres
+        paths,
+        plan.error,
+        time_error,
+        plan.surface,
+        len(chosen) * len(times),
+        tuple(each.shadows for each in samples),
+        centres,
     )
 
 

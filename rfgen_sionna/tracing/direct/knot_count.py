@@ -53,7 +53,7 @@ def with_knots(plan: TracePlan, starts: Sequence[float], length: float) -> Trace
 
 def first_count(plan: TracePlan, length: float) -> int:
     """Number of knots from which to start: those of a quiet motion."""
-    return max(3, 1 + int(np.ceil(length / plan.settings.spacing - 1e-6)))
+    return max(2, 1 + int(np.ceil(length / plan.settings.spacing - 1e-6)))
 
 
 def _time_error(plan: TracePlan, start: float, length: float, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:

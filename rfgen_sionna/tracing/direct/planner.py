@@ -14,6 +14,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.direct.expansion_choice import choose_expansion, expanded, group_sums, node_table
 from rfgen_sionna.tracing.direct.knot_count import with_knots
+from rfgen_sionna.tracing.direct.other_diagonals import with_other_diagonals
 from rfgen_sionna.tracing.direct.samples import GainNodes, Sample
 from rfgen_sionna.tracing.direct.settings import Settings
 from rfgen_sionna.tracing.direct.time_error import share_of
@@ -45,6 +46,7 @@ def plan_run(scene: RunScene, start: float, stop: float, length: float, cull: bo
     probes = sorted({float(times[k]) for k in (fastest, count // 4, count // 2, (3 * count) // 4)})
     planner = Planner(scene, closest, away.min(axis=0), probes, cull, scene.has_parallax(poses))
     plan = planner.plan(*planner.settings(Settings.of(scene.rtol)))
+    plan = replace(plan, surface=planner.surface_error(plan))
     starts = sorted({min(t, max(stop - length, start)) for t in probes})
     return plan if length <= 0 else with_knots(plan, starts, length)
 
@@ -110,6 +112,7 @@ class Planner:
                 self._cull,
                 self._of_surfaces,
                 np.zeros(len(scene.group)),
+                0.0,
             )
             self._plans[settings] = self._with_expansion(plan)
         return replace(self._plans[settings], error=float(np.max(error, initial=0.0)))
@@ -127,6 +130,21 @@ class Planner:
             strongest = np.maximum(strongest, single)
         least = np.maximum(np.sqrt(level / len(self._probes)), CANCELLED * strongest)
         return SAFETY * share_of(np.sqrt(missed / len(self._probes)), least)
+
+    def surface_error(self, plan: TracePlan) -> float:
+        """Change of the worst return by the other diagonals of the quads, relative to the typical return."""
+        cut = [with_other_diagonals(*each) for each in zip(self._scene.surfaces, self._closest, strict=True)]
+        if all(one is other for one, other in zip(cut, self._scene.surfaces, strict=True)):
+            return 0.0
+        scene = replace(self._scene, surfaces=tuple(cut))
+        mesh = scene.mesh(self._closest, plan.settings.facet_rtol)
+        other = replace(plan, scene=scene, mesh=mesh, material=mesh.surface)
+        changed, level = np.zeros((2, len(scene.group)))
+        for t in self._probes:
+            one, two = (self._returns(each, t, True)[0] for each in (plan, other))
+            changed += (np.abs(one - two) ** 2).mean(axis=0)
+            level += (np.abs(one) ** 2).mean(axis=0)
+        return float(share_of(np.sqrt(changed), np.sqrt(level)).max(initial=0.0))
 
     def _returns(self, plan: TracePlan, t: float, by_expansion: bool) -> tuple[ComplexArray, FloatArray]:
         """(probe, group) returns at `t` [s], by the expansion or by integrals at each probe, and (group,) the strongest

@@ -160,6 +160,8 @@ class TracePlan:
     """(surface,) least distance [m] for which the facets are made."""
     level: FloatArray
     """(group,) typical return of the first pair; 0 where unknown."""
+    surface: float
+    """Change of the worst return if quads of smooth meshes were cut along the other diagonal."""
 
     def holds(self, t: float) -> bool:
         """Whether the facets fit the distances of all surfaces at `t` [s]."""
