@@ -43,7 +43,8 @@ class RelativeObject:
 
 
 def by_material(actors: Iterable[MeshActor | RelativeObject]) -> tuple[MeshActor | RelativeObject, ...]:
-    """The actors, with an object for each material of an actor of several: "car, glass"."""
+    """The actors, with an object for each material of an actor of several: "car, glass"; without vertices of no face.
+    """
     found: list[MeshActor | RelativeObject] = []
     for actor in actors:
         materials: tuple[Material, ...] = getattr(actor, "materials", ())
@@ -52,7 +53,13 @@ def by_material(actors: Iterable[MeshActor | RelativeObject]) -> tuple[MeshActor
             if each not in groups:
                 groups.append(each)
         if len(groups) < 2:
-            found.append(actor)
+            used, faces = used_vertices(np.ascontiguousarray(actor.faces))
+            if len(faces) and len(actor.rest_vertices) > len(actor.rest_vertices[used]):  # some are of no face
+                own = actor.part_names, actor.face_parts, False, _of_vertices(actor.vertices, used)
+                rest = np.ascontiguousarray(actor.rest_vertices[used])
+                found.append(RelativeObject(actor.name, actor.properties, faces, *own, rest))
+            else:
+                found.append(actor)
             continue
         owners = np.array([groups.index(each) for each in materials])[actor.face_parts]
         for k, group in enumerate(groups):

@@ -324,6 +324,7 @@ class Tracer:
     ) -> Traced:
         """Trace of direct paths alone."""
         static, names = self.static, (self.surfaces.object_names, self.surfaces.part_names)
+        stop = stop if self.actors else start
         plan = run.plan(self._run_scene, start, stop)
         traced = trace_direct(plan, start, stop, names)
         times = traced.paths.times

@@ -52,6 +52,9 @@ def _sums(values: ComplexArray, group: IntArray, count: int) -> ComplexArray:
 
 
 def _rms(values: ComplexArray) -> FloatArray:
+    """(group,) root mean squares of `values` (group, time); 0 without any time."""
+    if not values.shape[1]:
+        return np.zeros(len(values))
     return np.asarray(np.sqrt((values.real**2 + values.imag**2).mean(axis=1)))
 
 

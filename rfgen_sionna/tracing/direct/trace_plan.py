@@ -100,12 +100,13 @@ class RunScene:
         """Whether shadow boundaries move between elements by a share of a Fresnel zone that counts, for positions
         (vertex, 3) [m] of the surfaces in some `poses`."""
         away = [lengths(points - self.band.viewpoint) for pose in poses for points in pose if len(points)]
-        if len(self.static):
-            away.append(lengths(self.static.reshape(-1, 3)))
         if not away:
             return False
+        moving = len(away)
+        if len(self.static):
+            away.append(lengths(self.static.reshape(-1, 3)))
         near = max(min(float(each.min()) for each in away), 1e-3)
-        far = max(float(each.max()) for each in away[: sum(map(len, poses))])
+        far = max(float(each.max()) for each in away[:moving])
         if far <= near:
             return False
         zone = np.sqrt(SPEED_OF_LIGHT / self.band.highest * near * (far - near) / (2.0 * far))
