@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.tracing.direct.return_bounds import bound_returns, significant
+from rfgen_sionna.tracing.integral.leg_fields import LegTables
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.visibility.item_buffer import ItemBuffer, choose_views
@@ -120,14 +121,19 @@ def integrate(
     nodes: GainNodes,
     sagitta: float,
     gradient: FloatArray,
+    visible: FloatArray | None = None,
+    legs: LegTables | None = None,
 ) -> tuple[ComplexArray, FloatArray]:
-    """(node, chosen) gains with the shadow weight, and (chosen, 3) centroids [m] relative to the viewpoint; the arguments
-    are those of :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`."""
+    """(node, chosen) gains with the shadow weight `visible` (chosen,), that of the sample by default, and (chosen, 3)
+    centroids [m] relative to the viewpoint; the arguments are those of
+    :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`."""
     gains = np.empty((len(nodes.table), len(chosen)), np.complex128)
     centroids = np.empty((len(chosen), 3))
+    visible = sample.visible[chosen] if visible is None else visible
     patch_gains(
-        sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, sample.visible[chosen],
-        material, mesh.single, nodes.table, nodes.fields, nodes.media, nodes.bistatic, sagitta, gradient, gains, centroids,
+        sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, visible, material,
+        mesh.single, nodes.table, nodes.fields, nodes.media, nodes.bistatic, sagitta, gradient, legs or LegTables.direct(),
+        gains, centroids,
     )  # fmt: skip
     return gains, centroids
 

@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit
 
 from rfgen_sionna.tracing.integral.fresnel import cross, dot, minus, norm, obliquity, plus, scaled
+from rfgen_sionna.tracing.integral.leg_fields import leg_obliquity
 from rfgen_sionna.tracing.integral.phasor_moments import FAST, mean_phasor
 
 MAX_PARTS = 8
@@ -67,11 +68,109 @@ def _path_length(point: Any, t: Any, r: Any, apart: bool) -> float:
     return 2.0 * norm(minus(point, t))
 
 
+@njit(fastmath=FAST, error_model="numpy")
+def _bisector(point: Any, tx: Any, rx: Any) -> tuple[float, float, float]:
+    """Point between `tx` and `rx` that halves the angle at a `point`."""
+    to_tx, to_rx = norm(minus(point, tx)), norm(minus(point, rx))
+    return plus(tx, scaled(minus(rx, tx), to_tx / max(to_tx + to_rx, MIN_DISTANCE)))
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _at(patch: Any, ends: Any, x: float, y: float) -> tuple[float, float, float]:
+    """Point at barycentric coordinates (1 - x - y, x, y) of a facet with corners at `ends` (3, 3) of a `patch`."""
+    z = 1.0 - x - y
+    return _on_patch(
+        patch[0], patch[1], patch[2], patch[3], patch[4], patch[5], z * ends[0][0] + x * ends[1][0] + y * ends[2][0],
+        z * ends[0][1] + x * ends[1][1] + y * ends[2][1], z * ends[0][2] + x * ends[1][2] + y * ends[2][2],
+    )  # fmt: skip
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _cut(patch: Any, ends: Any, planes: Any, polygon: Any, spare: Any, corners: int) -> int:
+    """Clip a `polygon` (corner, 2), of which so many `corners` are in use, to all half-spaces `planes` (plane, 4), n . x >=
+    d; returns its number of corners. `spare` is of the same shape."""
+    for m in range(planes.shape[0]):
+        n, d = (planes[m, 0], planes[m, 1], planes[m, 2]), planes[m, 3]
+        kept = 0
+        for k in range(corners):
+            j = (k + 1) % corners
+            here = dot(n, _at(patch, ends, polygon[k, 0], polygon[k, 1])) - d
+            there = dot(n, _at(patch, ends, polygon[j, 0], polygon[j, 1])) - d
+            if here >= 0.0:
+                spare[kept, 0], spare[kept, 1] = polygon[k, 0], polygon[k, 1]
+                kept += 1
+            if (here >= 0.0) != (there >= 0.0):
+                share = here / (here - there)
+                for axis in range(2):
+                    spare[kept, axis] = polygon[k, axis] + share * (polygon[j, axis] - polygon[k, axis])
+                kept += 1
+        for k in range(kept):
+            polygon[k, 0], polygon[k, 1] = spare[k, 0], spare[k, 1]
+        corners = kept
+        if corners < 3:
+            return 0
+    return corners
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _cut_sum(
+    patch: Any, ends: Any, parts: int, planes: Any, polygon: Any, spare: Any, here: Any, there: Any, apart: bool,
+    base: float, wavenumber: float, direction: Any, side: float, tilt: Any, top: Any,
+) -> complex:  # fmt: skip
+    """Sum over the pieces inside all `planes` of twice the projected area times the mean phasor."""
+    total, step = 0j, 1.0 / parts
+    for row in range(parts):
+        for column in range(parts - row):
+            for turned in range(2):
+                if turned and column == parts - row - 1:
+                    continue
+                x, y = row * step, column * step
+                polygon[0, 0], polygon[0, 1] = (x + step, y) if turned else (x, y)
+                polygon[1, 0], polygon[1, 1] = (x + step, y + step) if turned else (x + step, y)
+                polygon[2, 0], polygon[2, 1] = x, y + step
+                corners = _cut(patch, ends, planes, polygon, spare, 3)
+                for k in range(1, corners - 1):
+                    x0, y0, x1, y1 = polygon[0, 0], polygon[0, 1], polygon[k, 0], polygon[k, 1]
+                    x2, y2 = polygon[k + 1, 0], polygon[k + 1, 1]
+                    p0, p1, p2 = _at(patch, ends, x0, y0), _at(patch, ends, x1, y1), _at(patch, ends, x2, y2)
+                    projected = -side * dot(cross(minus(p1, p0), minus(p2, p0)), direction)
+                    if projected <= 0.0:
+                        continue
+                    l0 = _path_length(p0, here, there, apart) - base
+                    l1 = _path_length(p1, here, there, apart) - base
+                    l2 = _path_length(p2, here, there, apart) - base
+                    e0 = _path_length(_at(patch, ends, 0.5 * (x1 + x2), 0.5 * (y1 + y2)), here, there, apart) - base
+                    e1 = _path_length(_at(patch, ends, 0.5 * (x2 + x0), 0.5 * (y2 + y0)), here, there, apart) - base
+                    e2 = _path_length(_at(patch, ends, 0.5 * (x0 + x1), 0.5 * (y0 + y1)), here, there, apart) - base
+                    total += projected * mean_phasor(
+                        wavenumber * l0, wavenumber * l1, wavenumber * l2, 1.0 + dot(tilt, minus(p0, top)),
+                        1.0 + dot(tilt, minus(p1, top)), 1.0 + dot(tilt, minus(p2, top)),
+                        wavenumber * (0.5 * (l1 + l2) - e0), wavenumber * (0.5 * (l2 + l0) - e1),
+                        wavenumber * (0.5 * (l0 + l1) - e2),
+                    )  # fmt: skip
+    return total
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _inside(patch: Any, ends: Any, planes: Any) -> int:
+    """1 where a facet is inside all `planes`, -1 where it is beyond one of them, 0 where one cuts it."""
+    whole = 1
+    for m in range(planes.shape[0]):
+        n, d = (planes[m, 0], planes[m, 1], planes[m, 2]), planes[m, 3]
+        count = int(dot(n, _at(patch, ends, 0.0, 0.0)) >= d) + int(dot(n, _at(patch, ends, 1.0, 0.0)) >= d)
+        count += int(dot(n, _at(patch, ends, 0.0, 1.0)) >= d)
+        if count == 0:
+            return -1
+        if count < 3:
+            whole = 0
+    return whole
+
+
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def patch_gains(
     points: Any, faces: Any, group: Any, normals: Any, face_of: Any, weights: Any, chosen: Any, visible: Any,
     material: Any, single: Any, nodes: Any, fields: Any, media: Any, bistatic: bool, most_sagitta: float, gradient: Any,
-    gains: Any, centroids: Any,
+    legs: Any, gains: Any, centroids: Any,
 ) -> None:  # fmt: skip
     """Gains (node, chosen) without the propagation phase of the `centroids` (chosen, 3) [m] of the flat facets.
 
@@ -97,9 +196,17 @@ def patch_gains(
         Largest quadratic phase [rad] in the middle of an edge of a piece.
     gradient
         (chosen, 3) gradient of the logarithm of the pattern gain [1/m]; empty means none.
+    legs
+        :class:`rfgen_sionna.tracing.integral.leg_fields.LegTables` of both legs: `nodes` and `fields` are then those of
+        images. Facets are clipped to its `planes`.
     """
     lattice, path = np.empty((_POINTS, 3)), np.empty(_POINTS)
     tx_field, rx_field = (fields[0, 0], fields[0, 1], fields[0, 2]), (fields[1, 0], fields[1, 1], fields[1, 2])
+    mirrored, planes = legs.count[0] + legs.count[1] > 0, legs.planes
+    views = (
+        (legs.views[0, 0], legs.views[0, 1], legs.views[0, 2]), (legs.views[1, 0], legs.views[1, 1], legs.views[1, 2])
+    )  # fmt: skip
+    polygon, spare = np.empty((4 + planes.shape[0], 2)), np.empty((4 + planes.shape[0], 2))
     for q in range(chosen.shape[0]):
         f = chosen[q]
         face = face_of[f]
@@ -125,9 +232,18 @@ def patch_gains(
             gains[n, q] = 0.0
         if visible[q] <= 0.0:
             continue
+        routed = mirrored
+        for leg in range(2):
+            for depth in range(legs.slab.shape[2]):
+                routed = routed or legs.slab[leg, q, depth] >= 0
+        patch, bary = (a, b, c, r, s, t), ((u0, v0, w0), (u1, v1, w1), (u2, v2, w2))
+        inside = _inside(patch, bary, planes) if planes.shape[0] else 1
+        if inside < 0:
+            continue
         # Vector area of the face's front, turned to the radar.
         front = cross(minus(b, a), minus(c, a))
-        inward = dot(front, middle) > 0.0
+        eye = _bisector(middle, views[0], views[1]) if mirrored else zero
+        inward = dot(front, minus(middle, eye)) > 0.0
         if inward and single[face]:
             continue
         side = -1.0 if inward else 1.0
@@ -151,9 +267,9 @@ def patch_gains(
                 for m in range(6):
                     same = same and nodes[n, m] == nodes[before, m]
             if not same:
-                element = scaled(plus(here, there), 0.5)
-                apart = bistatic
-                if not bistatic:
+                element = _bisector(top, here, there) if mirrored else scaled(plus(here, there), 0.5)
+                apart = bistatic or routed
+                if not apart:
                     here = there = element
                 base = _path_length(middle, here, there, apart)
                 direction = minus(top, element)
@@ -163,7 +279,13 @@ def patch_gains(
                 tilt = zero
                 if gradient.shape[0]:
                     tilt = (gradient[q, 0], gradient[q, 1], gradient[q, 2])
-                if flat:  # of cos / R^2
+                if flat and mirrored:  # of cos / (R_t R_r)
+                    to_tx, to_rx = minus(top, here), minus(top, there)
+                    square, other = max(dot(to_tx, to_tx), MIN_DISTANCE**2), max(dot(to_rx, to_rx), MIN_DISTANCE**2)
+                    tilt = plus(tilt, scaled(plus(scaled(to_tx, 1.0 / square), scaled(to_rx, 1.0 / other)), -1.5))
+                    tilt = plus(tilt, scaled(facing, 0.5 / min(dot(to_tx, facing), -MIN_COSINE)))
+                    tilt = plus(tilt, scaled(facing, 0.5 / min(dot(to_rx, facing), -MIN_COSINE)))
+                elif flat:  # of cos / R^2
                     tilt = plus(tilt, scaled(direction, -3.0 / max(distance, MIN_DISTANCE)))
                     tilt = plus(tilt, scaled(facing, -1.0 / (max(cosine, MIN_COSINE) * max(distance, MIN_DISTANCE))))
                 # Pieces along an edge, by the quadratic phase in the middle of the facet's edges.
@@ -200,12 +322,22 @@ def patch_gains(
                             path[m] = _path_length(p, here, there, apart) - base
                             m += 1
                 before = n
-            strength = obliquity(
-                media[n, material[face]], wavenumber, facing, top, (nodes[n, 0], nodes[n, 1], nodes[n, 2]),
-                (nodes[n, 3], nodes[n, 4], nodes[n, 5]), tx_field, rx_field, bistatic,
-            )  # fmt: skip
+            start, end = (nodes[n, 0], nodes[n, 1], nodes[n, 2]), (nodes[n, 3], nodes[n, 4], nodes[n, 5])
+            if routed:
+                strength = leg_obliquity(
+                    media[n, material[face]], wavenumber, facing, top, start, end, direction, tx_field, rx_field, legs, n, q
+                )
+            else:
+                strength = obliquity(
+                    media[n, material[face]], wavenumber, facing, top, start, end, tx_field, rx_field, bistatic
+                )
             total = 0j
-            if parts == 1:
+            if inside == 0:
+                total = _cut_sum(
+                    patch, bary, parts, planes, polygon, spare, here, there, apart, base, wavenumber, direction, side, tilt,
+                    top,
+                )  # fmt: skip
+            elif parts == 1:
                 p0, p1, p2 = (
                     (lattice[0, 0], lattice[0, 1], lattice[0, 2]), (lattice[1, 0], lattice[1, 1], lattice[1, 2]),
                     (lattice[2, 0], lattice[2, 1], lattice[2, 2]),

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.tracing.visibility.rasterise import (
+    EVERYWHERE,
+    NO_PLANES,
     bounding_box,
     count_hidden,
     count_items,
@@ -161,7 +163,7 @@ class ItemBuffer:
             drawn, seen = np.zeros(len(static), np.int32), np.zeros(len(static), np.int32)
             project(points, view.axes, left, up, inverse)
             draw(points, left, up, inverse, view.axes, corners, np.zeros(len(static), np.bool_), 0, view.origin,
-                 view.scale, nearest, items, drawn)  # fmt: skip
+                 view.scale, nearest, items, drawn, False, NO_PLANES, EVERYWHERE)  # fmt: skip
             count_items(items, 0, seen)
             x, y = left.reshape(-1, 3), up.reshape(-1, 3)
             area = np.abs((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0]))
@@ -183,7 +185,7 @@ class ItemBuffer:
                 project(points[vertices], view.axes, self._left[vertices], self._up[vertices], self._inverse[vertices])
                 draw(points, self._left, self._up, self._inverse, view.axes, meshes.corners[facets], meshes.single[facets],
                      self._first + int(meshes.facet_range[k, 0]), view.origin, view.scale, nearest, items,
-                     pixels[facets])  # fmt: skip
+                     pixels[facets], False, NO_PLANES, EVERYWHERE)  # fmt: skip
             count_items(items, self._first, seen)
             for k in view.surfaces:
                 facets = slice(*meshes.facet_range[k])
