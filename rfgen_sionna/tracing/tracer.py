@@ -18,7 +18,7 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tolerance import SIMULATOR_RTOL
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
-from rfgen_sionna.tracing.direct.direct_trace import trace_direct
+from rfgen_sionna.tracing.direct.direct_trace import DirectTrace, trace_direct
 from rfgen_sionna.tracing.direct.run_plan import RunPlan, RunScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
@@ -32,7 +32,8 @@ from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
 from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
-from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadows
+from rfgen_sionna.tracing.routes.route_trace import RouteTracer
+from rfgen_sionna.tracing.static.actor_shadows import Shadow, StaticShadows, cast_shadows
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
 from rfgen_sionna.tracing.static.static_refinement import interpolation_error, refine_occlusion
 from rfgen_sionna.tracing.static.static_reflections import StaticReflections, trace_static_reflections
@@ -71,8 +72,12 @@ class TraceRun:
 
     def __init__(self, indirect: MovingTracer | None, cull: bool, span: tuple[float, float] | None) -> None:
         self.indirect = indirect
-        """Tracer of indirect paths, with direct ones; None traces direct ones alone."""
+        """Tracer of paths through slabs, with all others; None traces the others by routes."""
         self._cull, self._span = cull, span
+        self.routes: RouteTracer | None = None
+        """Tracer of routes by mirrors; None until the first interval or without any."""
+        self.curved: CurvedReflections | None = None
+        """Tracer of specular double bounces; likewise."""
         self._plans: dict[float, RunPlan] = {}
 
     def plan(self, scene: RunScene, start: float, stop: float) -> RunPlan:
@@ -230,8 +235,7 @@ class Tracer:
         span
             First and last time [s] of the run, which is planned for these; None plans each interval by itself.
         """
-        indirect = self.max_bounces > 1 or self.transmission
-        return TraceRun(self._follow(cull) if indirect else None, cull, span)
+        return TraceRun(self._follow(cull) if self.transmission else None, cull, span)
 
     def _follow(self, cull: bool) -> MovingTracer:
         """Tracer of the actors with indirect paths."""
@@ -320,7 +324,7 @@ class Tracer:
         self._positions.clear()
         moving = self.follow().indirect
         if moving is None:
-            traced = self._trace_direct(t, t, TraceRun(None, True, None), None)
+            traced = self._trace_direct(t, t, self.follow(), None)
         else:
             if self.actors:
                 moving.prepare(self._vertices, (t,))
@@ -339,28 +343,66 @@ class Tracer:
     def _trace_direct(
         self, start: float, stop: float, run: TraceRun, watch: Callable[[float, RayScene], None] | None
     ) -> Traced:
-        """Trace of direct paths alone."""
+        """Trace of direct paths and those by mirrors."""
         static, names = self.static, (self.surfaces.object_names, self.surfaces.part_names)
         plan = run.plan(self._run_scene, start, stop)
-        traced = trace_direct(plan, start, stop, names)
+        if self.max_bounces > 1 and self.surfaces.moving and run.routes is None:
+            self._add_routes(run, start)
+        traced = trace_direct(plan, start, stop, names, run.routes)
         times = traced.paths.times
         if watch is not None and self.actors:
             for t in times.tolist():
                 watch(t, self.rays_at(t))
         shadows, missed = cast_shadows(static, times, traced.shadows)
+        hidden = StaticShadows.of(self.static_indirect, times, self.rays_at, self._vertices) if self.actors else None
+        paths, curved_error = traced.paths, 0.0
+        if run.curved is not None:
+            around, curved_error = self._trace_curved(run.curved, plan, traced)
+            paths = paths if around is None else RadarPaths.concatenate([paths, around])
         report = TraceReport(
             facets=len(static.facets) + traced.facets,
-            rays=static.rays,
+            rays=static.rays + sum(each.rays for each in self.static_indirect) + (0 if hidden is None else hidden.rays),
             sample_times=len(times),
             knots=len(times),
-            error=max(static.error, traced.error),
-            time_error=max(traced.time_error, missed),
+            error=max(static.error + sum(each.error for each in self.static_indirect), traced.error + curved_error),
+            time_error=max(traced.time_error, missed, 0.0 if hidden is None else hidden.error(static)),
         )
 
         def none(_: float) -> FloatArray:
             return np.zeros((0, 3))
 
-        return Traced(self._static_paths, lambda: shadows, traced.paths, None, report, traced.centroids, none)
+        def find_shadows() -> tuple[Shadow, ...]:
+            return shadows if hidden is None else (*shadows, *hidden.shadows(static.paths.num_paths))
+
+        return Traced(self._static_paths, find_shadows, paths, None, report, traced.centroids, none)
+
+    def _add_routes(self, run: TraceRun, t: float) -> None:
+        """Give a `run` the tracers of indirect paths of the actors, whose planar parts are those of the time `t` [s]."""
+        surfaces, radar = self.surfaces, self.radar
+        given = surfaces, self._vertices(t), self._viewpoint, radar.wavelength, self.max_bounces
+        run.routes = routes = RouteTracer(*given)
+        if any(surface.smooth is not None for surface in surfaces.moving):
+            run.curved = CurvedReflections(
+                surfaces, radar, self.rtol, lambda: routes.reflectors.owner, lambda: self.static.unoccluded
+            )
+
+    def _trace_curved(
+        self, curved: CurvedReflections, plan: RunPlan, traced: DirectTrace
+    ) -> tuple[RadarPaths | None, float]:
+        """Specular double bounces at the knots of a trace, and their error relative to the direct returns."""
+        mesh, times, visible = plan.mesh, traced.paths.times, []
+        first = np.array([each.first_facet for each in self.surfaces.moving])[mesh.facet_surface]
+        for t, sample in zip(times.tolist(), traced.samples, strict=True):
+            shown = np.unique((first + mesh.face_in_surface)[sample.visible > 0])
+            vertices = [*self.surfaces.static_vertices, *self._vertices(t)]
+            visible.append(curved.trace_visibility(self.rays_at(t), vertices, shown))
+        direct = traced.paths.select(np.flatnonzero(traced.paths.bounces == 1))
+        waves = direct.a[0, 0] * np.exp(-2j * np.pi * np.mod(direct.frequency * direct.tau[0, 0], 1.0))
+        waves = waves * self._band.pattern_gain(direct.direction)
+        level = np.zeros(len(self.surfaces.moving))
+        for number, surface in enumerate(self.surfaces.moving):
+            level[number] = np.sqrt(np.mean(np.abs(waves[direct.object_id == surface.object_id].sum(axis=0)) ** 2))
+        return curved.trace(times, times, visible, self._vertices, level)
 
     @cached_property
     def _run_scene(self) -> RunScene:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.direct.expansion_choice import choose_expansion, expanded, first_pair, group_sums, node_table
 from rfgen_sionna.tracing.direct.samples import (
     GainNodes,
     Positions,
@@ -43,8 +44,6 @@ SAFETY = 1.5
 """Factor on errors measured at a few times, pairs and frequencies, for all others."""
 EXPANSION_SHARE = 0.7
 """Share of the tolerance for an expansion."""
-MAX_ORDER, MAX_DEGREE = 8, 6
-"""Bounds of the expansion over the band and over the array: interpolation at more nodes is ill-conditioned."""
 TIME_PER_RTOL = 1.0
 """Allowed error between knots per unit of the tolerance."""
 RANGE_MARGIN = 1.1
@@ -102,8 +101,7 @@ class RunScene:
 
     def probe_nodes(self, u: FloatArray, pairs: IntArray) -> FloatArray:
         """(probe, 7) table of element `pairs` (probe,) at positions `u` (probe,) of the band."""
-        nodes = self.band.expansions.nodes(u, pairs)
-        return np.hstack([nodes.tx, nodes.rx, 2 * np.pi / SPEED_OF_LIGHT * nodes.frequency[:, None]])
+        return node_table(self.band.expansions.nodes(u, pairs))
 
     def gradient(self, centroids: FloatArray, needed: bool) -> FloatArray:
         """(facet, 3) gradient of the logarithm of the pattern gain at `centroids` (facet, 3) [m]; empty where it is not
@@ -174,9 +172,7 @@ class RunPlan:
 
     def first_pair(self, values: ComplexArray) -> ComplexArray:
         """(...) gains of the first pair in the middle of the band, from values (node, ...)."""
-        weights = self.expansion.weights[0, 0, 0]
-        joined = weights @ np.ascontiguousarray(values).view(np.float64).reshape(len(values), -1)
-        return joined.view(np.complex128).reshape(values.shape[1:])
+        return first_pair(self.expansion, values)
 
 
 class _Planner:
@@ -233,15 +229,15 @@ class _Planner:
         least = np.maximum(level, CANCELLED * strongest)
         return np.asarray(SAFETY * missed / np.where(least > 0, least, np.inf))
 
-    def _returns(self, plan: RunPlan, t: float, expanded: bool) -> tuple[ComplexArray, FloatArray]:
+    def _returns(self, plan: RunPlan, t: float, by_expansion: bool) -> tuple[ComplexArray, FloatArray]:
         """(probe, group) returns at `t` [s], by the expansion or by integrals at each probe, and (group,) the strongest
         facet's."""
         (sample,) = plan.sample([t])
         chosen = plan.choose([sample])
         scene = self._scene
-        if expanded:
+        if by_expansion:
             values, centroids = plan.values(sample, chosen)
-            gains = _expanded(plan.expansion, values, self._u, self._pairs)
+            gains = expanded(plan.expansion, values, self._u, self._pairs)
         else:
             exact = replace(plan, nodes=scene.nodes(scene.probe_nodes(self._u, self._pairs), self._nearest))
             gains, centroids = exact.values(sample, chosen)
@@ -249,7 +245,7 @@ class _Planner:
         group = scene.group[plan.mesh.facet_surface[chosen]]
         strongest = np.zeros(len(scene.group))
         np.maximum.at(strongest, group, np.abs(waves).max(axis=0, initial=0.0))
-        return _group_sums(waves, group, len(scene.group)), strongest
+        return group_sums(waves, group, len(scene.group)), strongest
 
     def _waves(self, centroids: FloatArray, u: FloatArray, pairs: IntArray) -> ComplexArray:
         """(probe, facet) propagation phasors."""
@@ -262,8 +258,7 @@ class _Planner:
 
     def _with_expansion(self, plan: RunPlan) -> RunPlan:
         """The plan with the smallest expansion whose coherent sums are right to a share of the tolerance."""
-        scene, expansions = self._scene, self._scene.band.expansions
-        outer = expansions.representative()
+        scene = self._scene
         checks = []
         for t in self._probes:
             (sample,) = plan.sample([t])
@@ -275,54 +270,31 @@ class _Planner:
             group = scene.group[plan.mesh.facet_surface[chosen]]
             few = np.concatenate([own[np.argsort(-strength[own])[:EXPANSION_FACETS]] for own in
                                   (np.flatnonzero(group == number) for number in np.unique(group))])  # fmt: skip
-            checks.append((sample, chosen[np.sort(few)]))
+            checks.append(_DirectCheck(plan, sample, chosen[np.sort(few)], self._nearest, self._waves))
+        expansion = choose_expansion(scene.band.expansions, checks, scene.rtol, EXPANSION_SHARE * scene.rtol)
+        return replace(plan, expansion=expansion, nodes=scene.nodes(node_table(expansion.nodes), self._nearest))
 
-        def finds(expansion: Expansion) -> RunPlan:
-            tx, rx, frequency = expansion.nodes.tx, expansion.nodes.rx, expansion.nodes.frequency
-            table = np.hstack([tx, rx, 2 * np.pi / SPEED_OF_LIGHT * frequency[:, None]])
-            return replace(plan, expansion=expansion, nodes=scene.nodes(table, self._nearest))
 
-        known: dict[tuple[bytes, bytes, int], tuple[ComplexArray, ComplexArray, FloatArray]] = {}
+class _DirectCheck:
+    """Facets `few` of a `sample`, to test expansions."""
 
-        def fits(u: FloatArray, pairs: IntArray, basis: Sequence[tuple[int, ...]]) -> bool:
-            tried = finds(expansions.through(basis))
-            for number, (sample, few) in enumerate(checks):
-                key = u.tobytes(), pairs.tobytes(), number
-                if key not in known:
-                    exact = replace(plan, nodes=scene.nodes(scene.probe_nodes(u, pairs), self._nearest))
-                    truth, centroids = exact.values(sample, few)
-                    known[key] = truth, self._waves(centroids, u, pairs), scene.pattern(centroids)
-                truth, waves, pattern = known[key]
-                values, _ = tried.values(sample, few)
-                off = (_expanded(tried.expansion, values, u, pairs) - truth) * waves * pattern
-                group, count = scene.group[plan.mesh.facet_surface[few]], len(scene.group)
-                missed, whole = (
-                    np.sqrt((np.abs(_group_sums(each, group, count)) ** 2).mean(axis=0))
-                    for each in (off, truth * waves * pattern)
-                )
-                strongest = np.zeros(count)
-                np.maximum.at(strongest, group, np.abs(truth * pattern).max(axis=0))
-                level = np.maximum(whole, CANCELLED * strongest)
-                if (missed > EXPANSION_SHARE * scene.rtol * level).any():
-                    return False
-            return True
+    def __init__(
+        self, plan: RunPlan, sample: Sample, few: NDArray[np.intp], nearest: float,
+        waves: Callable[[FloatArray, FloatArray, IntArray], ComplexArray],
+    ) -> None:  # fmt: skip
+        self._plan, self._sample, self._few, self._nearest, self._waves = plan, sample, few, nearest, waves
+        self.group = plan.scene.group[plan.mesh.facet_surface[few]]
+        self.least = np.zeros(len(plan.scene.group))
+        self._centroids = plan.mesh.centroids(sample.points, few)
 
-        order, degree, first = 1, 0, np.zeros(len(PROBES), np.int32)
-        middle, ends = np.zeros(len(outer)), np.repeat([-1.0, 1.0], len(outer))
-        while order < MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
-            order += 1
-        if len(outer) > 1:
-            while degree < MAX_DEGREE and not fits(middle, outer, expansions.basis(1, degree, full=True)):
-                degree += 1
-        if order == MAX_ORDER or degree == MAX_DEGREE:
-            _LOG.warning(
-                "rtol is %g: gains change too fast for %d coefficients of degree %d over band and array; raise rtol",
-                scene.rtol, order, degree,
-            )  # fmt: skip
-        basis = expansions.basis(order, degree, full=False)
-        if degree and order > 1 and not fits(ends, np.tile(outer, 2), basis):
-            basis = expansions.basis(order, degree, full=True)
-        return finds(expansions.through(basis))
+    def values(self, table: FloatArray) -> ComplexArray:
+        """(node, facet) gains."""
+        there = replace(self._plan, nodes=self._plan.scene.nodes(table, self._nearest))
+        return there.values(self._sample, self._few)[0]
+
+    def waves(self, u: FloatArray, pairs: IntArray) -> ComplexArray:
+        """(probe, facet) phasors with pattern gain."""
+        return self._waves(self._centroids, u, pairs) * self._plan.scene.pattern(self._centroids)
 
 
 def _with_knots(plan: RunPlan, starts: Sequence[float], length: float) -> RunPlan:
@@ -370,7 +342,7 @@ def _time_error(plan: RunPlan, start: float, length: float, count: int) -> tuple
 
     def waves(own: ComplexArray, tau: FloatArray) -> ComplexArray:
         cycles = scene.band.centre * tau
-        return _group_sums((own * np.exp(-2j * np.pi * (cycles - np.rint(cycles)))).T, group, groups)
+        return group_sums((own * np.exp(-2j * np.pi * (cycles - np.rint(cycles)))).T, group, groups)
 
     truth = waves(gains, delays)
     off = np.sqrt((np.abs(waves(coarse, smooth) - truth) ** 2).mean(axis=0) * 0.5)
@@ -389,17 +361,6 @@ def first_delays(band: BandTracer, centroids: FloatArray) -> FloatArray:
     found = np.empty((1, 1, centroids.shape[1], centroids.shape[0]))
     pair_delays(centroids, tx, rx, found)
     return found[0, 0]
-
-
-def _expanded(expansion: Expansion, values: ComplexArray, u: FloatArray, pairs: IntArray) -> ComplexArray:
-    """(probe, facet) gains at positions `u` of the band of `pairs`, from the values (node, facet)."""
-    weights = expansion.weights.reshape(expansion.order, -1, len(values))[:, pairs]
-    return np.asarray(np.einsum("pk,kpn->pn", np.vander(u, expansion.order, increasing=True), weights) @ values)
-
-
-def _group_sums(waves: ComplexArray, group: IntArray, count: int) -> ComplexArray:
-    """(probe, group) sums of `waves` (probe, facet) by `group` (facet,)."""
-    return np.stack([np.bincount(group, row.real, count) + 1j * np.bincount(group, row.imag, count) for row in waves])
 
 
 def _nearest(points: FloatArray, viewpoint: FloatArray) -> float:

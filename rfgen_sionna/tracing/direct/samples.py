@@ -95,7 +95,7 @@ def choose_facets(
     for each in {0: samples[0], len(samples) // 2: samples[len(samples) // 2], len(samples) - 1: samples[-1]}.values():
         bound_returns(
             each.points, mesh.meshes.corners, mesh.faces, mesh.group, each.normals, mesh.face_of, chosen,
-            each.visible[chosen], gain, wavenumber, bounds,
+            each.visible[chosen], gain, wavenumber, np.zeros(3), np.zeros(3), bounds,
         )  # fmt: skip
     return chosen[significant(bounds, group[mesh.facet_surface[chosen]], len(group), omitted)]
 

@@ -76,7 +76,7 @@ def choose_views(points: Sequence[FloatArray], vertex_range: IntArray, resolutio
     for k in used:
         for each in points:
             bounding_box(each[slice(*vertex_range[k])], boxes[k])
-    axes = _axes(boxes[used].mean(axis=(0, 1)))
+    axes = towards(boxes[used].mean(axis=(0, 1)))
     windows = {k: _window([each[slice(*vertex_range[k])] for each in points], axes) for k in used}
     if any(each is None for each in windows.values()):
         return _cube(tuple(used), resolution)
@@ -96,7 +96,7 @@ def choose_views(points: Sequence[FloatArray], vertex_range: IntArray, resolutio
     return views
 
 
-def _axes(forward: FloatArray) -> FloatArray:
+def towards(forward: FloatArray) -> FloatArray:
     """(3, 3) forward, left and up for a direction `forward` (3,)."""
     size = float(np.linalg.norm(forward))
     x = forward / size if size > 1e-9 else np.array([1.0, 0.0, 0.0])
@@ -135,7 +135,7 @@ def _cube(surfaces: tuple[int, ...], resolution: int) -> list[View]:
     """Six sides around the viewpoint."""
     sides = [np.array([s if k == axis else 0.0 for k in range(3)]) for axis in range(3) for s in (1.0, -1.0)]
     size = min(4 * resolution, int(np.sqrt(MAX_PIXELS)))
-    return [View(_axes(each), np.array([-1.0, -1.0]), size / 2.0, (size, size), surfaces) for each in sides]
+    return [View(towards(each), np.array([-1.0, -1.0]), size / 2.0, (size, size), surfaces) for each in sides]
 
 
 class ItemBuffer:

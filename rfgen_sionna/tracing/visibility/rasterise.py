@@ -201,31 +201,27 @@ def draw(
 
 
 @njit(cache=True, nogil=True)
-def open_window(corners: Any, view: Any, origin: Any, scale: float, shape: Any, opened: Any) -> None:
-    """Fill `opened` (row, column + 1) with the number of pixels to the left that show a convex polygon `corners` (corner,
-    3); (0, 0, 0) and pixels behind are none. `shape` is rows and columns."""
-    rows, columns = shape
+def in_window(corners: Any, view: Any, origin: Any, scale: float, window: Any) -> None:
+    """Set the pixels of a `window` (row, column) that show a convex polygon `corners` (corner, 3)."""
     count = corners.shape[0]
-    # Inside is where all sides (u, v, w) . (1, left, up) have the sign of the polygon's middle.
-    sides = np.empty((count, 3))
-    middle = np.zeros(3)
+    # Inside is where all sides, planes through the viewpoint, have the sign of the polygon's middle.
+    sides, middle = np.empty((count, 3)), np.zeros(3)
     for k in range(count):
         middle += corners[k]
     for k in range(count):
-        a, b = corners[k], corners[(k + 1) % count]
-        n = np.array((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))
+        n = np.cross(corners[k], corners[(k + 1) % count])
         if n[0] * middle[0] + n[1] * middle[1] + n[2] * middle[2] < 0.0:
             n = -n
         for axis in range(3):
             sides[k, axis] = view[axis, 0] * n[0] + view[axis, 1] * n[1] + view[axis, 2] * n[2]
-    ahead = view[0, 0] * middle[0] + view[0, 1] * middle[1] + view[0, 2] * middle[2]
-    for j in range(rows):
+    for j in range(window.shape[0]):
         y = origin[1] + (j + 0.5) / scale
-        for i in range(columns):
+        for i in range(window.shape[1]):
             x, inside = origin[0] + (i + 0.5) / scale, True
             for k in range(count):
                 inside = inside and sides[k, 0] + sides[k, 1] * x + sides[k, 2] * y >= 0.0
-            opened[j, i + 1] = opened[j, i] + int(inside)
+            if inside:
+                window[j, i] = True
 
 
 @njit(cache=True, nogil=True)
