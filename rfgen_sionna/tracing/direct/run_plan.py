@@ -168,7 +168,12 @@ class RunPlan:
     def values(self, sample: Sample, chosen: NDArray[np.intp]) -> tuple[ComplexArray, FloatArray]:
         """(node, chosen) gains of the expansion, and (chosen, 3) centroids [m] relative to the viewpoint."""
         gradient = self.scene.gradient(self.mesh.centroids(sample.points, chosen), self.steep)
-        return integrate(self.mesh, self.material, sample, chosen, self.nodes, self.settings.sagitta, gradient)
+        return integrate(self.mesh, self.material, sample, chosen, self.nodes, self.most_rise, gradient)
+
+    @property
+    def most_rise(self) -> float:
+        """Largest quadratic part of a path [m] in the middle of an edge of a piece."""
+        return self.settings.sagitta / self.scene.wavenumber
 
     def first_pair(self, values: ComplexArray) -> ComplexArray:
         """(...) gains of the first pair in the middle of the band, from values (node, ...)."""

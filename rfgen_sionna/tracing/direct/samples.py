@@ -119,7 +119,7 @@ def integrate(
     sample: Sample,
     chosen: NDArray[np.intp],
     nodes: GainNodes,
-    sagitta: float,
+    most_rise: float,
     gradient: FloatArray,
     visible: FloatArray | None = None,
     legs: LegTables | None = None,
@@ -132,7 +132,7 @@ def integrate(
     visible = sample.visible[chosen] if visible is None else visible
     patch_gains(
         sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, visible, material,
-        mesh.single, nodes.table, nodes.fields, nodes.media, nodes.bistatic, sagitta, gradient, legs or LegTables.direct(),
+        mesh.single, nodes.table, nodes.fields, nodes.media, nodes.bistatic, most_rise, gradient, legs or LegTables.direct(),
         gains, centroids,
     )  # fmt: skip
     return gains, centroids

@@ -169,7 +169,7 @@ def _inside(patch: Any, ends: Any, planes: Any) -> int:
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def patch_gains(
     points: Any, faces: Any, group: Any, normals: Any, face_of: Any, weights: Any, chosen: Any, visible: Any,
-    material: Any, single: Any, nodes: Any, fields: Any, media: Any, bistatic: bool, most_sagitta: float, gradient: Any,
+    material: Any, single: Any, nodes: Any, fields: Any, media: Any, bistatic: bool, most_rise: float, gradient: Any,
     legs: Any, gains: Any, centroids: Any,
 ) -> None:  # fmt: skip
     """Gains (node, chosen) without the propagation phase of the `centroids` (chosen, 3) [m] of the flat facets.
@@ -192,8 +192,8 @@ def patch_gains(
         (node, material, 7) of :func:`rfgen_sionna.tracing.integral.fresnel.media_table`.
     bistatic
         Whether the obliquity is that of separate elements; else that of an element half way.
-    most_sagitta
-        Largest quadratic phase [rad] in the middle of an edge of a piece.
+    most_rise
+        Largest quadratic part of the path [m] in the middle of an edge of a piece.
     gradient
         (chosen, 3) gradient of the logarithm of the pattern gain [1/m]; empty means none.
     legs
@@ -249,15 +249,30 @@ def patch_gains(
         side = -1.0 if inward else 1.0
         top = middle if flat else _on_patch(a, b, c, r, s, t, um, vm, wm)
         facing = scaled(front, side)
+        ends = (
+            _on_patch(a, b, c, r, s, t, u0, v0, w0), _on_patch(a, b, c, r, s, t, u1, v1, w1),
+            _on_patch(a, b, c, r, s, t, u2, v2, w2),
+        )  # fmt: skip
         if not flat:  # vector area of the patch in the middle
-            along = minus(_on_patch(a, b, c, r, s, t, u1, v1, w1), _on_patch(a, b, c, r, s, t, u0, v0, w0))
-            across = minus(_on_patch(a, b, c, r, s, t, u2, v2, w2), _on_patch(a, b, c, r, s, t, u0, v0, w0))
-            facing = scaled(cross(along, across), side)
+            facing = scaled(cross(minus(ends[1], ends[0]), minus(ends[2], ends[0])), side)
         size = norm(facing)
         if size <= 0.0:
             continue
         facing = scaled(facing, 1.0 / size)
-        parts, base, before, apart, element = 0, 0.0, -1, False, zero
+        # Pieces along an edge, by the quadratic phase in the middle of the facet's edges; the same for all nodes, so that
+        # gains are smooth over band and array.
+        middles = (
+            _on_patch(a, b, c, r, s, t, 0.5 * (u1 + u2), 0.5 * (v1 + v2), 0.5 * (w1 + w2)),
+            _on_patch(a, b, c, r, s, t, 0.5 * (u2 + u0), 0.5 * (v2 + v0), 0.5 * (w2 + w0)),
+            _on_patch(a, b, c, r, s, t, 0.5 * (u0 + u1), 0.5 * (v0 + v1), 0.5 * (w0 + w1)),
+        )  # fmt: skip
+        rise = 0.0
+        for m in range(3):
+            one = _path_length(ends[(m + 1) % 3], views[0], views[1], mirrored)
+            other = _path_length(ends[(m + 2) % 3], views[0], views[1], mirrored)
+            rise = max(rise, abs(0.5 * (one + other) - _path_length(middles[m], views[0], views[1], mirrored)))
+        parts = min(max(int(np.ceil(np.sqrt(rise / most_rise))), 1), MAX_PARTS)
+        base, before, apart, element = 0.0, -1, False, zero
         direction, tilt = zero, zero
         for n in range(nodes.shape[0]):
             here, there = (nodes[n, 0], nodes[n, 1], nodes[n, 2]), (nodes[n, 3], nodes[n, 4], nodes[n, 5])
@@ -288,27 +303,11 @@ def patch_gains(
                 elif flat:  # of cos / R^2
                     tilt = plus(tilt, scaled(direction, -3.0 / max(distance, MIN_DISTANCE)))
                     tilt = plus(tilt, scaled(facing, -1.0 / (max(cosine, MIN_COSINE) * max(distance, MIN_DISTANCE))))
-                # Pieces along an edge, by the quadratic phase in the middle of the facet's edges.
-                ends = (
-                    _on_patch(a, b, c, r, s, t, u0, v0, w0), _on_patch(a, b, c, r, s, t, u1, v1, w1),
-                    _on_patch(a, b, c, r, s, t, u2, v2, w2),
-                )  # fmt: skip
-                l0 = _path_length(ends[0], here, there, apart)
-                l1 = _path_length(ends[1], here, there, apart)
-                l2 = _path_length(ends[2], here, there, apart)
-                p0 = _on_patch(a, b, c, r, s, t, 0.5 * (u1 + u2), 0.5 * (v1 + v2), 0.5 * (w1 + w2))
-                p1 = _on_patch(a, b, c, r, s, t, 0.5 * (u2 + u0), 0.5 * (v2 + v0), 0.5 * (w2 + w0))
-                p2 = _on_patch(a, b, c, r, s, t, 0.5 * (u0 + u1), 0.5 * (v0 + v1), 0.5 * (w0 + w1))
-                e0 = _path_length(p0, here, there, apart)
-                e1 = _path_length(p1, here, there, apart)
-                e2 = _path_length(p2, here, there, apart)
-                rise = max(abs(0.5 * (l1 + l2) - e0), abs(0.5 * (l2 + l0) - e1), abs(0.5 * (l0 + l1) - e2))
-                parts = min(max(int(np.ceil(np.sqrt(wavenumber * rise / most_sagitta))), 1), MAX_PARTS)
                 if parts == 1:
                     for m in range(3):
                         _store(lattice, m, ends[m])
-                    for m, length in enumerate((l0, l1, l2, e0, e1, e2)):
-                        path[m] = length - base
+                        path[m] = _path_length(ends[m], here, there, apart) - base
+                        path[3 + m] = _path_length(middles[m], here, there, apart) - base
                 else:
                     m = 0
                     for row in range(2 * parts + 1):

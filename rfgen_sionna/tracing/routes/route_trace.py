@@ -300,7 +300,7 @@ class RouteTracer:
         nodes = GainNodes(np.ascontiguousarray(there), own_media, fields, True)
         facets = route.facets[some]
         return integrate(
-            plan.mesh, plan.material, sample, facets, nodes, plan.settings.sagitta, np.zeros((0, 3)),
+            plan.mesh, plan.material, sample, facets, nodes, plan.most_rise, np.zeros((0, 3)),
             np.ascontiguousarray(route.visible[k, some]), self._leg_tables(out, back, media),
         )  # fmt: skip
 
