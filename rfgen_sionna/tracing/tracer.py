@@ -33,6 +33,7 @@ from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
 from rfgen_sionna.tracing.routes.route_trace import RouteTracer
+from rfgen_sionna.tracing.routes.slab_scene import SlabScene
 from rfgen_sionna.tracing.static.actor_shadows import Shadow, StaticShadows, cast_shadows
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
 from rfgen_sionna.tracing.static.static_refinement import interpolation_error, refine_occlusion
@@ -235,7 +236,7 @@ class Tracer:
         span
             First and last time [s] of the run, which is planned for these; None plans each interval by itself.
         """
-        return TraceRun(self._follow(cull) if self.transmission else None, cull, span)
+        return TraceRun(None, cull, span)
 
     def _follow(self, cull: bool) -> MovingTracer:
         """Tracer of the actors with indirect paths."""
@@ -407,8 +408,17 @@ class Tracer:
     @cached_property
     def _run_scene(self) -> RunScene:
         """Actors, and the facets at rest that occlude them."""
-        static = self.static.facets.corners - self._viewpoint
-        return RunScene(self.surfaces.moving, self._band, self.radar.max_range, self.rtol, self._vertices, static)
+        static, surfaces, slabs = self.static.facets.corners - self._viewpoint, self.surfaces.moving, None
+        if self.transmission:
+            at_rest = [points - self._viewpoint for points in self.surfaces.static_vertices]
+            band = self._band.centre, self._band.half_band, self.rtol
+            found = SlabScene.of(self.surfaces.static, surfaces, at_rest, *band)
+            if found.occluders.any_slabs:
+                slabs = found
+                # The inside of a closed slab returns as well.
+                pairs = zip(surfaces, found.occluders.transmits, strict=True)
+                surfaces = tuple(replace(each, closed=each.closed and not slab) for each, slab in pairs)
+        return RunScene(surfaces, self._band, self.radar.max_range, self.rtol, self._vertices, static, slabs)
 
     def geometry(self, t: float) -> tuple[RayScene, list[FloatArray], list[FloatArray | None]]:
         """Ray scene at `t` [s], each object's vertices (vertex, 3) [m] and their velocities [m/s]; None for static

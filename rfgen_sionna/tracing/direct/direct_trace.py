@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.records import PathKind, RadarPaths, knot_weights
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.direct.run_plan import SAFETY, TIME_PER_RTOL, RunPlan, first_delays
+from rfgen_sionna.tracing.direct.run_plan import SAFETY, TIME_PER_RTOL, RunPlan
 from rfgen_sionna.tracing.direct.samples import Sample, Shadows, pair_delays
 from rfgen_sionna.tracing.direct.settings import MAX_KNOTS
 from rfgen_sionna.tracing.direct.time_error import mean_level, prediction_error
@@ -95,7 +95,7 @@ def trace_direct(
         centroids = np.stack([each for _, each in found])
         group = scene.group[plan.mesh.facet_surface[chosen]]
         gains = plan.first_pair(values) * scene.pattern(centroids[len(times) // 2])[:, None]
-        delays = first_delays(scene.band, centroids)
+        delays = plan.delays(samples, chosen, centroids, only_first=True)[0, 0]
         more: Sequence[Any] = ()
         if routes is not None:
             more = routes.trace(plan, times, samples, mean_level(gains, delays, scene.band.centre, group, len(scene.group)))
@@ -146,13 +146,12 @@ def _paths(
     rough = [_diffuse(plan, sample, chosen) for sample in samples]
     if rough[0] is not None:
         gains[0] += np.stack([each for each in rough if each is not None], axis=-1)
-    tau = np.empty((len(tx), len(rx), len(chosen), len(times)))
-    pair_delays(centroids, tx, rx, tau)
+    tau = plan.delays(samples, chosen, centroids)
     if len(times) > 1:
         rate = tau @ knot_weights(times, times, 1).T
     else:
         t = float(times[0])
-        after, ahead = (np.empty_like(tau) for _ in range(2))
+        after, ahead = np.empty((2, *tau.shape))
         for step, into in ((-RATE_STEP, after), (RATE_STEP, ahead)):
             points = mesh.points(scene.positions(t + step), band.viewpoint)
             pair_delays(mesh.centroids(points, chosen)[None], tx, rx, into)

@@ -30,7 +30,9 @@ from rfgen_sionna.tracing.gains.band import MONOSTATIC, BandTracer
 from rfgen_sionna.tracing.gains.diffuse import grain_of
 from rfgen_sionna.tracing.gains.expansion import PROBES, Expansion
 from rfgen_sionna.tracing.integral.fresnel import media_table
+from rfgen_sionna.tracing.integral.leg_fields import LegTables
 from rfgen_sionna.tracing.integral.obliquity import Media
+from rfgen_sionna.tracing.routes.slab_scene import SlabScene
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.surface.facets import CANCELLED
 from rfgen_sionna.tracing.surface.surfaces import Surface, tolerance_groups
@@ -64,6 +66,8 @@ class RunScene:
     positions: Positions
     static: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 3)))
     """(facet, 3, 3) corners [m] of visible facets at rest, relative to the viewpoint."""
+    slabs: SlabScene | None = None
+    """Slabs that transmit; None means that all surfaces occlude."""
     group: IntArray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -89,7 +93,7 @@ class RunScene:
     def sampler(self, mesh: FacetMesh, settings: Settings) -> Sampler:
         """Samples a `mesh` with these `settings`."""
         known = self.positions, self.band.viewpoint, self.max_range
-        return Sampler(mesh, *known, settings.resolution, self.static)
+        return Sampler(mesh, *known, settings.resolution, self.static, self.slabs)
 
     def nodes(self, table: FloatArray, nearest: float) -> GainNodes:
         """Nodes of a `table` (node, 7) for facets that are `nearest` [m] at least."""
@@ -168,7 +172,30 @@ class RunPlan:
     def values(self, sample: Sample, chosen: NDArray[np.intp]) -> tuple[ComplexArray, FloatArray]:
         """(node, chosen) gains of the expansion, and (chosen, 3) centroids [m] relative to the viewpoint."""
         gradient = self.scene.gradient(self.mesh.centroids(sample.points, chosen), self.steep)
-        return integrate(self.mesh, self.material, sample, chosen, self.nodes, self.most_rise, gradient)
+        legs, slabs = None, self.scene.slabs
+        if slabs is not None and sample.crossed is not None:
+            own = sample.crossed.take(chosen)
+            frequency = self.nodes.table[:, 6] * SPEED_OF_LIGHT / (2 * np.pi)
+            legs = LegTables.direct()._replace(**slabs.leg_tables((own, own), frequency))
+        known = self.nodes, self.most_rise, gradient
+        return integrate(self.mesh, self.material, sample, chosen, *known, legs=legs)
+
+    def delays(
+        self, samples: Sequence[Sample], chosen: NDArray[np.intp], centroids: FloatArray, only_first: bool = False
+    ) -> FloatArray:
+        """(tx, rx, chosen, time) delays [s] by `centroids` (time, chosen, 3) [m] relative to the viewpoint, or those of the
+        first pair only, (1, 1, chosen, time)."""
+        band, slabs = self.scene.band, self.scene.slabs
+        some = slice(1) if only_first else slice(None)
+        tx, rx = (np.ascontiguousarray(each[some] - band.viewpoint) for each in band.elements)
+        found = np.empty((len(tx), len(rx), centroids.shape[1], centroids.shape[0]))
+        pair_delays(centroids, tx, rx, found)
+        for k, sample in enumerate(samples):
+            if slabs is not None and sample.crossed is not None:
+                own = sample.crossed.take(chosen)
+                out, back = (slabs.delays(own, each, centroids[k]) for each in (tx, rx))
+                found[..., k] += out[:, None] + back
+        return found
 
     @property
     def most_rise(self) -> float:
@@ -337,7 +364,7 @@ def _time_error(plan: RunPlan, start: float, length: float, count: int) -> tuple
     centroids = np.stack([each for _, each in found])
     scene = plan.scene
     gains = gains * scene.pattern(centroids[count - 1])[:, None]
-    delays = first_delays(scene.band, centroids)
+    delays = plan.delays(samples, chosen, centroids, only_first=True)[0, 0]
     group, groups = scene.group[plan.mesh.facet_surface[chosen]], len(scene.group)
     from rfgen_sionna.records import interpolate_knots, knot_weights
 
@@ -358,14 +385,6 @@ def _time_error(plan: RunPlan, start: float, length: float, count: int) -> tuple
         float((each / np.where(own > 0, own, np.inf)).max(initial=0.0)) for each, own in ((off, level), (missed, whole))
     )
     return SAFETY * error, predicted
-
-
-def first_delays(band: BandTracer, centroids: FloatArray) -> FloatArray:
-    """(facet, knot) delays [s] of the first pair by `centroids` (knot, facet, 3) [m] relative to the viewpoint."""
-    tx, rx = (np.ascontiguousarray(each[:1] - band.viewpoint) for each in band.elements)
-    found = np.empty((1, 1, centroids.shape[1], centroids.shape[0]))
-    pair_delays(centroids, tx, rx, found)
-    return found[0, 0]
 
 
 def _nearest(points: FloatArray, viewpoint: FloatArray) -> float:

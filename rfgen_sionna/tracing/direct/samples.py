@@ -14,6 +14,9 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.tracing.direct.return_bounds import bound_returns, significant
 from rfgen_sionna.tracing.integral.leg_fields import LegTables
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
+from rfgen_sionna.tracing.routes.leg_visibility import Crossings, see_along
+from rfgen_sionna.tracing.routes.legs import Leg
+from rfgen_sionna.tracing.routes.slab_scene import SlabScene
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.visibility.item_buffer import ItemBuffer, choose_views
 
@@ -35,6 +38,8 @@ class Sample:
     """(facet,) visible fraction; 0 beyond the range window."""
     shadows: Shadows
     """On facets at rest."""
+    crossed: Crossings | None = None
+    """Slabs on the direct leg to each facet; None without transmission."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,8 @@ class Sampler:
     max_range: float
     resolution: int
     static: FloatArray
+    slabs: SlabScene | None = None
+    """Slabs that transmit; None means that all surfaces occlude."""
 
     def at(self, times: Sequence[float]) -> list[Sample]:
         """Samples at `times` [s], in common views."""
@@ -57,12 +64,18 @@ class Sampler:
         views = choose_views(points, mesh.meshes.vertex_range, self.resolution)
         buffer = ItemBuffer(mesh.meshes, views, self.static)
         found = []
-        for each in points:
+        shares, crossed = None, [None] * len(points)
+        if self.slabs is not None:
+            shares, crossed = see_along(Leg(()), mesh.meshes, points, self.slabs.occluders, self.resolution)
+        for k, each in enumerate(points):
             visible = np.zeros(len(mesh))
-            buffer.fractions(each, visible)
+            if shares is None or len(self.static):
+                buffer.fractions(each, visible)
+            if shares is not None:
+                visible = shares[k]
             self._limit_range(each, visible)
             shadows = buffer.shadows() if len(self.static) else (np.zeros(0, np.intp), np.zeros(0))
-            found.append(Sample(each, mesh.normals(each), visible, shadows))
+            found.append(Sample(each, mesh.normals(each), visible, shadows, crossed[k]))
         return found
 
     def _limit_range(self, points: FloatArray, visible: FloatArray) -> None:

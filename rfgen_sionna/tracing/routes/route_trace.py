@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +21,7 @@ from rfgen_sionna.tracing.integral.fresnel import media_table
 from rfgen_sionna.tracing.integral.leg_fields import MAX_MIRRORS, LegTables
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.routes.image_tree import LegKey, ReturnBounds, RouteKey, leg_of, significant_routes
-from rfgen_sionna.tracing.routes.leg_visibility import leg_fractions
+from rfgen_sionna.tracing.routes.leg_visibility import Crossings, Occluders, see_along
 from rfgen_sionna.tracing.routes.legs import Leg
 from rfgen_sionna.tracing.routes.reflectors import Plate, Reflectors
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
@@ -44,11 +44,18 @@ class Route:
     """(knot, path) visible share times the weight of the roles."""
     bound: FloatArray
     """(path,) bound of the return."""
+    crossed: tuple[tuple[Crossings, Crossings], ...] = ()
+    """Slabs on both legs at each knot; empty without transmission."""
 
     @property
     def bounces(self) -> int:
         """Number of surfaces on a path."""
         return 1 + len(self.out[0].mirrors) + len(self.back[0].mirrors)
+
+    def take(self, index: NDArray[np.intp]) -> Route:
+        """Some of its facets."""
+        crossed = tuple((out.take(index), back.take(index)) for out, back in self.crossed)
+        return Route(self.out, self.back, self.facets[index], self.visible[:, index], self.bound[index], crossed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +95,11 @@ class RouteTracer:
         found = [points[each.faces] for points, each in zip(self._static, self._surfaces.static, strict=True)]
         return np.concatenate([np.zeros((0, 3, 3)), *found])
 
+    @cached_property
+    def _whole(self) -> Occluders:
+        """All surfaces, of which none transmits."""
+        return Occluders(self._occluders)
+
     def trace(
         self, plan: RunPlan, times: FloatArray, samples: Sequence[Sample], level: FloatArray
     ) -> list[RouteReturns]:
@@ -109,6 +121,13 @@ class RouteTracer:
                 part = np.empty((*delays.shape[:3], 1))
                 pair_delays(centroids[None], route.out[k].image(tx), route.back[k].image(rx), part)
                 delays[..., k] = part[..., 0]
+                if route.crossed and plan.scene.slabs is not None:
+                    ends = (route.out[k].image(tx), route.back[k].image(rx))
+                    there, here = (
+                        plan.scene.slabs.delays(crossed, images, centroids)
+                        for crossed, images in zip(route.crossed[k], ends, strict=True)
+                    )
+                    delays[..., k] += there[:, None] + here
             joined = np.stack(values, axis=-1)
             middle = len(samples) // 2
             centroids = plan.mesh.centroids(samples[middle].points, route.facets)
@@ -176,30 +195,39 @@ class RouteTracer:
             own = [samples[k].points[first:last] for first, last in self._vertex_ranges(plan)]
             keys |= significant_routes(plates[k], own, bounds, self._max_bounces, scene.max_range, scene.rtol)
         legs, shares = dict[LegKey, tuple[Leg, ...]](), dict[LegKey, FloatArray]()
+        crossed: dict[LegKey, list[Crossings | None]] = {}
         points = [each.points for each in samples]
         for key in {leg for pair in keys for leg in pair}:
             if not key:
                 legs[key], shares[key] = (Leg(()),) * len(times), np.stack([each.visible for each in samples])
+                crossed[key] = [each.crossed for each in samples]
                 continue
             known = [leg_of(key, each) for each in plates]
             anywhere = [leg_of(key, each, sided=False) for each in plates]
             if any(each is None for each in anywhere):
                 continue
             legs[key] = tuple(each or other for each, other in zip(known, anywhere, strict=True) if other is not None)
-            shares[key] = np.zeros((len(times), len(mesh)))
+            shares[key], crossed[key] = np.zeros((len(times), len(mesh))), [None] * len(times)
             if all(self.reflectors.is_static(part) for part in key):
                 if known[0] is not None:
                     legs[key] = (known[0],) * len(times)
-                    shares[key] = self._fractions(plan, known[0], points)
+                    shares[key], found_crossed = self._fractions(plan, known[0], points)
+                    crossed[key][: len(found_crossed)] = found_crossed
                 continue
             for k, leg in enumerate(known):
                 if leg is not None:
-                    shares[key][k] = self._fractions(plan, leg, points[k : k + 1])[0]
+                    share, found_crossed = self._fractions(plan, leg, points[k : k + 1])
+                    shares[key][k], crossed[key][k : k + len(found_crossed)] = share[0], found_crossed
         found = []
         for one, other in sorted(keys):
             if one in legs and other in legs:
                 share = shares[one] if one == other else shares[one] * shares[other]
                 route = self._route(plan, samples, poses, (one, other), (legs[one], legs[other]), share, bounds)
+                if len(route.facets) and plan.scene.slabs is not None:
+                    known_crossed = zip(crossed[one], crossed[other], strict=True)
+                    none = Crossings.none(len(mesh))
+                    own = tuple(tuple((each or none).take(route.facets) for each in pair) for pair in known_crossed)
+                    route = replace(route, crossed=own)
                 if len(route.facets):
                     found.append((one != other, route))
         kept = self._significant(plan, samples, poses, [each for _, each in found], bounds)
@@ -208,11 +236,15 @@ class RouteTracer:
             if len(route.facets):
                 both.append(route)
                 if differ:
-                    both.append(Route(route.back, route.out, route.facets, route.visible, route.bound))
+                    swapped = tuple((back, out) for out, back in route.crossed)
+                    both.append(replace(route, out=route.back, back=route.out, crossed=swapped))
         return both
 
-    def _fractions(self, plan: RunPlan, leg: Leg, points: Sequence[FloatArray]) -> FloatArray:
-        return leg_fractions(leg, plan.mesh.meshes, points, self._occluders, plan.settings.resolution)
+    def _fractions(
+        self, plan: RunPlan, leg: Leg, points: Sequence[FloatArray]
+    ) -> tuple[FloatArray, list[Crossings]]:
+        occluders = self._whole if plan.scene.slabs is None else plan.scene.slabs.occluders
+        return see_along(leg, plan.mesh.meshes, points, occluders, plan.settings.resolution)
 
     def _vertex_ranges(self, plan: RunPlan) -> list[tuple[int, int]]:
         """First and last vertex of each surface, without those of pieces."""
@@ -266,7 +298,7 @@ class RouteTracer:
         for each in routes:
             own = chosen[first : first + len(each.facets)]
             first += len(each.facets)
-            found.append(Route(each.out, each.back, each.facets[own], each.visible[:, own], each.bound[own]))
+            found.append(each.take(np.flatnonzero(own)))
         return found
 
     def _bounds(self, plan: RunPlan) -> ReturnBounds:
@@ -299,9 +331,14 @@ class RouteTracer:
         own_media = np.ascontiguousarray(media[:, len(self._surfaces.static) :])
         nodes = GainNodes(np.ascontiguousarray(there), own_media, fields, True)
         facets = route.facets[some]
+        legs = self._leg_tables(out, back, media)
+        if route.crossed and plan.scene.slabs is not None:
+            crossed = tuple(each if isinstance(some, slice) else each.take(some) for each in route.crossed[k])
+            frequency = table[:, 6] * SPEED_OF_LIGHT / (2 * np.pi)
+            legs = legs._replace(**plan.scene.slabs.leg_tables((crossed[0], crossed[1]), frequency))
         return integrate(
             plan.mesh, plan.material, sample, facets, nodes, plan.most_rise, np.zeros((0, 3)),
-            np.ascontiguousarray(route.visible[k, some]), self._leg_tables(out, back, media),
+            np.ascontiguousarray(route.visible[k, some]), legs,
         )  # fmt: skip
 
     def _leg_tables(self, out: Leg, back: Leg, media: FloatArray) -> LegTables:
