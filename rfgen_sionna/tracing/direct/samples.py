@@ -66,7 +66,7 @@ class Sampler:
         found = []
         shares, crossed = None, [None] * len(points)
         if self.slabs is not None:
-            shares, crossed = see_along(Leg(()), mesh.meshes, points, self.slabs.occluders, self.resolution)
+            shares, crossed = see_along(Leg(()), mesh.meshes, points, self.slabs.occluders, self.resolution, mesh.corner_normals)
         for k, each in enumerate(points):
             visible = np.zeros(len(mesh))
             if shares is None or len(self.static):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -76,11 +76,13 @@ class Crossings:
 
 
 def see_along(
-    leg: Leg, meshes: Meshes, points: Sequence[FloatArray], occluders: Occluders, resolution: int
+    leg: Leg, meshes: Meshes, points: Sequence[FloatArray], occluders: Occluders, resolution: int,
+    normals: Callable[[FloatArray, slice], FloatArray],
 ) -> tuple[FloatArray, list[Crossings]]:
     """(time, facet) visible share of the part of each facet that the mirrors of a `leg` show, in common views of all times,
     and with slabs the crossings at each time. `points` (vertex, 3) [m] are those of each time; the largest side of the
-    smallest surface has `resolution` pixels. Ragged mirrors: of the whole facet."""
+    smallest surface has `resolution` pixels. Ragged mirrors: of the whole facet. `normals` returns those at the corners of
+    some facets, (facet, 3, 3), for the points."""
     there = [each - leg.view for each in points]
     if leg.mirrors:
         view = _view(leg, meshes, there, resolution)
@@ -89,7 +91,7 @@ def see_along(
         views = choose_views(there, meshes.vertex_range, resolution)
     if occluders.any_slabs:
         views = [_coarser(each) for each in views]
-    buffers = [_Buffer(leg, view, meshes, occluders) for view in views]
+    buffers = [_Buffer(leg, view, meshes, occluders, normals) for view in views]
     found, crossed = np.zeros((len(points), len(meshes.corners))), []
     for k, (real, shown) in enumerate(zip(points, there, strict=True)):
         count = _Counts.of(len(meshes.corners))
@@ -134,7 +136,10 @@ class _Counts:
 class _Buffer:
     """Item buffer of one view along a `leg`, in which what is at rest is drawn once."""
 
-    def __init__(self, leg: Leg, view: View, meshes: Meshes, occluders: Occluders) -> None:
+    def __init__(
+        self, leg: Leg, view: View, meshes: Meshes, occluders: Occluders, normals: Callable[[FloatArray, slice], FloatArray]
+    ) -> None:
+        self._normals = normals
         self._leg, self._view, self._meshes, self._occluders = leg, view, meshes, occluders
         window = np.ones(view.shape, np.bool_)
         for polygons in leg.windows:
@@ -198,28 +203,29 @@ class _Buffer:
         meshes, view, rest = self._meshes, self._view, self._occluders
         layers = np.zeros((*view.shape, MAX_SLABS), np.float32)
         slabs = np.full(layers.shape, -1, np.int32)
-        normals, surface, place = [np.zeros((0, 3))], [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
+        there, normals = [np.zeros((0, 3, 3))], [np.zeros((0, 3, 3))]
+        surface, place = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
         own, first = {}, 0
-
-        def add(points: FloatArray, corners: IntArray, segment: Segment, number: int, surfaces: IntArray) -> int:
-            nonlocal first
-            image = segment.image(points)
-            add_layers(image, corners, first, segment.planes, view.axes, view.origin, view.scale, layers, slabs)
-            a, b, c = (image[corners[:, k]] for k in range(3))
-            across = np.cross(b - a, c - a)
-            normals.append(across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30))
-            surface.append(surfaces)
-            place.append(np.full(len(corners), number, np.int32))
-            begin, first = first, first + len(corners)
-            return begin
-
+        still = rest.slabs.reshape(-1, 3), _triples(len(rest.slabs))
+        edges = rest.slabs[:, 1:] - rest.slabs[:, :1]
+        across = np.cross(edges[:, 0], edges[:, 1])
+        across = np.repeat((across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30))[:, None], 3, axis=1)
+        moving = [
+            (meshes.corners[facets], self._normals(real, facets), np.full(facets.stop - facets.start, rest.first + k, np.int32), k)
+            for facets, k in self._slabs
+        ]  # fmt: skip
         for number, segment in enumerate(self._leg.segments):
-            add(rest.slabs.reshape(-1, 3), _triples(len(rest.slabs)), segment, number, rest.slab_surface)
-            for facets, moving in self._slabs:
-                corners = meshes.corners[facets]
-                surfaces = np.full(len(corners), rest.first + moving, np.int32)
-                own[moving] = add(real, corners, segment, number, surfaces)  # those of the last segment stay
-        known = tuple(np.concatenate(each) for each in (normals, surface, place))
+            for points, corners, turned, surfaces, which in (
+                (*still, across, rest.slab_surface, -1), *((real, *each) for each in moving)
+            ):  # fmt: skip
+                image = segment.image(points)
+                add_layers(image, corners, first, segment.planes, view.axes, view.origin, view.scale, layers, slabs)
+                there.append(image[corners])
+                normals.append(turned @ segment.turn.T)
+                surface.append(surfaces)
+                place.append(np.full(len(corners), number, np.int32))
+                own[which], first = first, first + len(corners)  # those of the last segment stay
+        known = tuple(np.concatenate(each) for each in (there, normals, surface, place))
         planes = self._leg.segments[-1].planes
         unused = np.zeros(len(meshes.corners), np.int32)
         for facets, moving in [(each, -1) for each in self._opaque] + self._slabs:

@@ -244,7 +244,7 @@ class RouteTracer:
         self, plan: RunPlan, leg: Leg, points: Sequence[FloatArray]
     ) -> tuple[FloatArray, list[Crossings]]:
         occluders = self._whole if plan.scene.slabs is None else plan.scene.slabs.occluders
-        return see_along(leg, plan.mesh.meshes, points, occluders, plan.settings.resolution)
+        return see_along(leg, plan.mesh.meshes, points, occluders, plan.settings.resolution, plan.mesh.corner_normals)
 
     def _vertex_ranges(self, plan: RunPlan) -> list[tuple[int, int]]:
         """First and last vertex of each surface, without those of pieces."""

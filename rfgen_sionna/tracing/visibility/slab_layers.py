@@ -101,17 +101,29 @@ def add_layers(points: Any, corners: Any, first: int, planes: Any, view: Any, or
 
 
 @njit(cache=True, nogil=True)
+def _normal(corners: Any, normals: Any, direction: Any) -> Any:
+    """Normal (3,), interpolated between those at the `corners` (3, 3) of a triangle, where a `direction` (3,) meets it."""
+    found, total = np.zeros(3), 0.0
+    for k in range(3):
+        across = np.cross(corners[(k + 1) % 3], corners[(k + 2) % 3])
+        part = across[0] * direction[0] + across[1] * direction[1] + across[2] * direction[2]
+        total += part
+        found += part * normals[k]
+    return found / total
+
+
+@njit(cache=True, nogil=True)
 def count_before(
     points: Any, corners: Any, first: int, view: Any, origin: Any, scale: float, nearest: Any, items: Any, opaque: bool,
-    opened: Any, clipped: Any, small: Any, layers: Any, slabs: Any, own: int, normals: Any, surface: Any, segment: Any,
+    opened: Any, clipped: Any, small: Any, layers: Any, slabs: Any, own: int, there: Any, normals: Any, surface: Any, segment: Any,
     pixels: Any, seen: Any, material: Any, place: Any, cover: Any, across: Any,
 ) -> None:  # fmt: skip
     """Add the slabs before facets `corners` (facet, 3), numbered from `first` on.
 
     A pixel shows an `opaque` facet where `items` do; a slab where it is before the `nearest` opaque one, whose `pixels` and
     `seen` pixels are counted. `small` (facet,) facets without pixels count at their centroids. `layers` and `slabs` are
-    those of :func:`add_layers`, `normals` (slab, 3), `surface` and `segment` (slab,) of its items; the facets are its items
-    from `own` on. `material`, `place` (facet, layer) are the surface and segment, `cover` (facet, layer) counts pixels and
+    those of :func:`add_layers`, `there` and `normals` (slab, 3, 3) the corners of its items and the normals at these, `surface`
+    and `segment` (slab,); the facets are its items from `own` on. `material`, `place` (facet, layer) are the surface and segment, `cover` (facet, layer) counts pixels and
     `across` (facet, layer, 3) adds normals.
     """
     sides, box = np.empty((3, 3)), np.empty(4, np.int64)
@@ -167,8 +179,10 @@ def count_before(
                         continue
                     material[f, layer], place[f, layer] = surface[slab], segment[slab]
                     cover[f, layer] += 1.0
-                    n = normals[slab]
-                    sign = 1.0 if n[0] * across[f, layer, 0] + n[1] * across[f, layer, 1] + n[2] * across[f, layer, 2] >= 0.0 else -1.0
+                    n = _normal(there[slab], normals[slab], view[0] + x * view[1] + y * view[2])
+                    sign = 1.0
+                    if n[0] * across[f, layer, 0] + n[1] * across[f, layer, 1] + n[2] * across[f, layer, 2] < 0.0:
+                        sign = -1.0
                     for axis in range(3):
                         across[f, layer, axis] += sign * n[axis]
                     layer += 1
