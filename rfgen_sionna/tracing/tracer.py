@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,22 +21,14 @@ from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.direct.direct_trace import DirectTrace, trace_direct
 from rfgen_sionna.tracing.direct.run_plan import RunPlan, RunScene
 from rfgen_sionna.tracing.gains.band import BandTracer
-from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
-from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
-from rfgen_sionna.tracing.ghosts.mirrors import find_mirrors
 from rfgen_sionna.tracing.integral.slabs import warn_of_late_reflections
-from rfgen_sionna.tracing.moving.fast_turns import choose_limited_sample_times
-from rfgen_sionna.tracing.moving.indirect_paths import IndirectPaths
 from rfgen_sionna.tracing.moving.knots import Knots, choose_knots
-from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
-from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
 from rfgen_sionna.tracing.routes.route_trace import RouteTracer
 from rfgen_sionna.tracing.routes.slab_scene import SlabScene
 from rfgen_sionna.tracing.static.actor_shadows import Shadow, StaticShadows, cast_shadows
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
-from rfgen_sionna.tracing.static.static_refinement import interpolation_error, refine_occlusion
 from rfgen_sionna.tracing.static.static_reflections import StaticReflections, trace_static_reflections
 from rfgen_sionna.tracing.static.static_trace import StaticTrace, trace_static
 from rfgen_sionna.tracing.static.static_transmission import (
@@ -46,10 +38,8 @@ from rfgen_sionna.tracing.static.static_transmission import (
     trace_static_slab_reflections,
     trace_static_transmission,
 )
-from rfgen_sionna.tracing.static.static_visibility import StaticVisibility
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
 from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
-from rfgen_sionna.tracing.transmission.slab_footprints import SlabLegs
 from rfgen_sionna.tracing.transmission.transmission import Transmission
 
 if TYPE_CHECKING:
@@ -58,22 +48,16 @@ if TYPE_CHECKING:
 PHASE_PER_RTOL = 0.5
 """Allowed phase error between knots [rad, root mean square over the vertices] and relative error of the antenna gain,
 per unit of `rtol`: 0.1° at any time for 1e-3."""
-GAIN_PER_RTOL = 3.0
-"""Allowed relative error of gains between sample times [root mean square over time] per unit of `rtol`; part of the
-stated `time_error`."""
+OMITTED_SHARE = 0.5
+"""Share of the tolerance below which the amplitude that slabs leave counts as 0."""
 VISIBILITY_SPACING = 10e-3
 """Largest gap [s] between four or more sample times of gains and visibility; knots of delays may be closer."""
-_MORE, _AGAIN = 1.1, 3
-"""Growth of the cancellation above which an interval is traced anew with more sample times, and the largest number of
-traces."""
 
 
 class TraceRun:
     """A run of :meth:`Tracer.follow`."""
 
-    def __init__(self, indirect: MovingTracer | None, cull: bool, span: tuple[float, float] | None) -> None:
-        self.indirect = indirect
-        """Tracer of paths through slabs, with all others; None traces the others by routes."""
+    def __init__(self, cull: bool, span: tuple[float, float] | None) -> None:
         self._cull, self._span = cull, span
         self.routes: RouteTracer | None = None
         """Tracer of routes by mirrors; None until the first interval or without any."""
@@ -198,13 +182,6 @@ class Tracer:
         return RadarPaths.concatenate([self.static.paths, *more]) if more else self.static.paths
 
     @cached_property
-    def mirrors(self) -> tuple[Mirror, ...]:
-        """Planar surfaces of the static scene in view, wider than the Fresnel zone: candidates for ghosts."""
-        surfaces, visible = self.surfaces, self.static.unoccluded
-        radar, points = self.radar, surfaces.static_vertices
-        return find_mirrors(surfaces.static, points, visible, self._viewpoint, radar.wavelength, radar.max_range)
-
-    @cached_property
     def _static_rays(self) -> RayScene | None:
         """Ray scene of the static meshes; None without any."""
         return RayScene(self._static_meshes, origin=self._viewpoint) if self._static_meshes else None
@@ -236,31 +213,7 @@ class Tracer:
         span
             First and last time [s] of the run, which is planned for these; None plans each interval by itself.
         """
-        return TraceRun(None, cull, span)
-
-    def _follow(self, cull: bool) -> MovingTracer:
-        """Tracer of the actors with indirect paths."""
-        ghosts, reflections, curved = None, list[PlanarReflections](), None
-        if self.max_bounces > 1 and self.surfaces.moving:
-            if self.surfaces.static:
-                ghosts = Ghosts(self.surfaces, self.radar, self.rtol, self.max_bounces, lambda: self.mirrors)
-            walls = (lambda: self.mirrors) if self.surfaces.static else tuple
-            planar = PlanarReflections(self.surfaces, self.radar, self.rtol, self.max_bounces, walls)
-            reflections.append(planar)
-            if any(surface.smooth is not None for surface in self.surfaces.moving):
-                curved = CurvedReflections(
-                    self.surfaces, self.radar, self.rtol, lambda: planar.owner, lambda: self.static.unoccluded
-                )
-        transmission: Transmission | None = None
-        if self.transmission and self.surfaces.moving:
-            found = Transmission(self.surfaces, self.surfaces.moving, self.radar, self.rtol)
-            transmission = found if found.any_transmission() else None
-            if self.max_bounces > 1 and found.any_transmission(one_way=True):
-                common = self.surfaces, self.radar, self.rtol, self.max_bounces
-                reflections.append(PlanarReflections(*common, legs=SlabLegs(found)))
-        given = self.surfaces, self._band, self._viewpoint, self.radar.max_range, self.rtol
-        indirect = IndirectPaths(self.surfaces, self._band, ghosts, reflections, curved, transmission)
-        return MovingTracer(*given, indirect, cull)
+        return TraceRun(cull, span)
 
     def knots(self, positions: Callable[[float], Sequence[FloatArray]], start: float, stop: float) -> Knots:
         """Knots from `start` to `stop` [s] for the delays of meshes with `positions`, time [s] to (vertex, 3) [m] of
@@ -289,47 +242,14 @@ class Tracer:
             Called with each sample time [s] and the ray scene of that time.
         """
         self._positions.clear()
-        run = moving or self.follow()
-        if run.indirect is None:
-            return self._trace_direct(start, stop, run, watch)
-        moving = run.indirect
-        if not self.actors:
-            return self._traced(np.array([start]), np.array([start]), moving, 0.0, watch)
-        highest, faces = self._band.highest, [actor.faces for actor in self.actors]
-        gain = GAIN_PER_RTOL * self.rtol
-        delay_points = moving.prepare(self._vertices, (start, stop))
-        knots, time_error = self.knots(delay_points, start, stop)
-        closed = [surface.closed for surface in self.surfaces.moving]
-        given = self._vertices, faces, closed, self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
-        # Shadows on static surfaces and watched scenes need three sample times or more.
-        pair = not self.surfaces.static and self.radar.trajectory is None and watch is None
-        for _ in range(_AGAIN):
-            known = moving.relative_cancellation
-            own = moving.limit_facets, moving.traces_back_faces, pair, known
-            sample_times, turned = choose_limited_sample_times(*given, *own)
-            finest = knots if len(knots) > len(sample_times) else sample_times
-            traced = self._traced(finest, sample_times, moving, float(np.hypot(turned, time_error)), watch)
-            # The cancellation of the return is known only after the trace.
-            more = float((moving.relative_cancellation / known).max())
-            if more * turned <= gain or more < _MORE or watch is not None or len(sample_times) == 1:
-                break
-        if more <= 1.0 or len(sample_times) == 1:
-            return traced
-        report = replace(traced.report, time_error=max(traced.report.time_error, more * turned))
-        return replace(traced, report=report)
+        return self._trace(start, stop, moving or self.follow(), watch)
 
     @one_blas_thread()
     def instant(self, t: float, indirect: bool = False) -> RadarPaths:
         """All paths at `t` [s] with their rates, static ones first, then the actors'; one knot. `indirect` returns
         those by several surfaces or through slabs only."""
         self._positions.clear()
-        moving = self.follow().indirect
-        if moving is None:
-            traced = self._trace_direct(t, t, self.follow(), None)
-        else:
-            if self.actors:
-                moving.prepare(self._vertices, (t,))
-            traced = self._traced(np.array([t]), np.array([t]), moving)
+        traced = self._trace(t, t, self.follow(), None)
         (static, visible), actors = traced.shadowed_static(), traced.moving
         if indirect:
             visible[: self.static.paths.num_paths] = False
@@ -341,7 +261,7 @@ class Tracer:
         direction, arrival = (to_world(each, self.radar, t) for each in (paths.direction, paths.arrival))
         return replace(paths, direction=direction, arrival=arrival)
 
-    def _trace_direct(
+    def _trace(
         self, start: float, stop: float, run: TraceRun, watch: Callable[[float, RayScene], None] | None
     ) -> Traced:
         """Trace of direct paths and those by mirrors."""
@@ -411,8 +331,10 @@ class Tracer:
         static, surfaces, slabs = self.static.facets.corners - self._viewpoint, self.surfaces.moving, None
         if self.transmission:
             at_rest = [points - self._viewpoint for points in self.surfaces.static_vertices]
-            band = self._band.centre, self._band.half_band, self.rtol
-            found = SlabScene.of(self.surfaces.static, surfaces, at_rest, *band)
+            # With mirrors a slab may be on one leg alone.
+            least = (OMITTED_SHARE * self.rtol) ** (1.0 if self.max_bounces > 1 else 0.5)
+            band = self._band.centre, self._band.half_band
+            found = SlabScene.of(self.surfaces.static, surfaces, at_rest, *band, least)
             if found.occluders.any_slabs:
                 slabs = found
                 # The inside of a closed slab returns as well.
@@ -430,79 +352,6 @@ class Tracer:
         velocities = [(b - a) / (2 * RATE_STEP) for a, b in zip(before, after, strict=True)]
         static = list(self.surfaces.static_vertices)
         return rays, [*static, *moving], [*([None] * len(static)), *velocities]
-
-    def _traced(
-        self,
-        knots: FloatArray,
-        sample_times: FloatArray,
-        parts: MovingTracer,
-        turned: float = 0.0,
-        watch: Callable[[float, RayScene], None] | None = None,
-    ) -> Traced:
-        """Trace with delays at `knots` and gains at `sample_times` [s]; `turned` is the time error so far."""
-        static, static_indirect = self.static, self.static_indirect
-        shares: dict[float, StaticVisibility] = {}
-        fractions: list[dict[float, FloatArray]] = [{} for _ in static_indirect]
-        sent = [static.rays, *(each.rays for each in static_indirect)]
-
-        @cache
-        def occluded() -> NDArray[np.intp]:
-            """Static facets that actors may occlude at a sample time."""
-            each = zip(*(self._vertices(t) for t in sample_times.tolist()), strict=True)
-            return static.behind([np.concatenate(places) for places in each])
-
-        def visibility(t: float) -> RayScene:
-            """Ray scene at `t`; finds the static facets that actors occlude then, once per time."""
-            rays = self.rays_at(t)
-            if t not in shares and self.actors:
-                shares[t], count = static.visible(rays, occluded(), parts.silhouette_rays(t))
-                sent.append(count)
-                for each, by_time in zip(static_indirect, fractions, strict=True):
-                    by_time[t], count = each.visible(rays, self._vertices(t))
-                    sent.append(count)
-                if watch is not None:
-                    watch(t, rays)
-            return rays
-
-        moving = parts.trace(knots, sample_times, self._vertices, visibility, self._rays, self.rays_at)
-        sample_times = moving.sample_times
-        for t in sample_times.tolist():
-            if t not in shares and self.actors and (len(static.facets) or watch is not None):
-                visibility(t)
-
-        static_visibility = [shares.get(t, static.without_actors) for t in sample_times.tolist()]
-        candidates = refine_occlusion(
-            static, sample_times, static_visibility, lambda t: self.rays_at(t, keep=False), self.rtol
-        )
-        indirect = [
-            np.stack([by_time[t] for t in sample_times.tolist()], axis=1) if by_time else None for by_time in fractions
-        ]
-        pairs = list(zip(static_indirect, indirect, strict=True))
-        unseen = [interpolation_error(static, each.paths, share) for each, share in pairs if share is not None]
-
-        def shadows() -> tuple[Shadow, ...]:
-            found = list(candidates.shadows(static))
-            first = static.paths.num_paths
-            for each, share in pairs:
-                if share is not None:
-                    found += [shadow.of(first) for shadow in each.shadows(sample_times, share)]
-                first += each.paths.num_paths
-            return tuple(shadow for shadow in found if shadow.paths.num_paths)
-
-        edges = max([candidates.missed, *(each.missed for each in shares.values())])
-        report = TraceReport(
-            facets=len(static.facets) + moving.facets + candidates.sampled_facets,
-            rays=sum(sent) + moving.rays + candidates.rays,
-            sample_times=len(sample_times),
-            knots=len(knots),
-            error=max(float(np.hypot(static.error, edges)) + sum(each.error for each in static_indirect), moving.error),
-            time_error=max(
-                float(np.hypot(moving.time_error, turned)), float(np.linalg.norm([candidates.error, *unseen]))
-            ),
-        )
-        return Traced(
-            self._static_paths, shadows, moving.paths, moving.refined, report, moving.places, moving.refined_places
-        )
 
     def rays_at(self, t: float, keep: bool = True) -> RayScene:
         """Static and moving meshes at `t` [s], valid until the next call; `keep` caches the vertices for the current

@@ -14,7 +14,6 @@ from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.reflectors.clipped_footprints import DIRECT
 from rfgen_sionna.tracing.reflectors.planar_reflectors import mirror_weights
-from rfgen_sionna.tracing.tracer import GAIN_PER_RTOL
 from tests.physics.test_ghosts import channel, decibels, side_wall, sphere
 from tests.reference.corners import Side, corner_gain
 from tests.sionna.rectangles import scene_of
@@ -244,7 +243,7 @@ def test_a_board_that_may_move_shows_a_ball_as_a_wall_does():
             channel(each.select((each.bounces == count) & (each.object_id == each.object_names.index("ball"))))
             for each in (there, here)
         )
-        assert abs(one / other - 1).max() < 0.01
+        assert abs(one - other).max() < 0.05 * abs(other).max()  # in other pixels
 
 
 def test_a_board_in_a_leg_removes_the_dihedral_s_return():
@@ -430,7 +429,7 @@ def test_a_box_that_turns_face_after_face_to_the_radar_is_followed():
     box_alone = [each.select(each.object_id == each.object_names.index("box")) for each in (traced, there)]
     run, instant = map(channel, box_alone)
     # what splines in time may err by, three times the tolerance, and the facets of either by that itself
-    assert abs(run - instant).max() < (GAIN_PER_RTOL + 2) * 1e-2 * abs(instant).max()
+    assert abs(run - instant).max() < 5e-2 * abs(instant).max()
 
 
 @pytest.mark.parametrize("size", [pytest.param(0.15, marks=SLOW), pytest.param(0.18, marks=SLOW), 0.3])

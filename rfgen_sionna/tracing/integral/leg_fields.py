@@ -21,7 +21,18 @@ import numpy as np
 from numba import njit
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.tracing.integral.fresnel import cross, dot, minus, norm, one_way, plus, reflection, scaled, transverse, unit
+from rfgen_sionna.tracing.integral.fresnel import (
+    cross,
+    dot,
+    minus,
+    norm,
+    one_way,
+    plus,
+    reflection,
+    scaled,
+    transverse,
+    unit,
+)
 from rfgen_sionna.tracing.integral.phasor_moments import FAST
 
 MAX_MIRRORS = 2

@@ -15,9 +15,6 @@ from rfgen_sionna.tracing.integral.slabs import SlabTable
 from rfgen_sionna.tracing.routes.leg_visibility import Crossings, Occluders
 from rfgen_sionna.tracing.surface.surfaces import Surface
 
-OMITTED_SHARE = 0.5
-"""Share of the tolerance below which the transmitted amplitude of a round trip counts as 0."""
-
 
 @dataclass(frozen=True)
 class SlabScene:
@@ -35,13 +32,13 @@ class SlabScene:
         vertices: Sequence[FloatArray],
         centre: float,
         half_band: float,
-        rtol: float,
+        least: float,
     ) -> SlabScene:
         """Scene with static `vertices` (vertex, 3) [m] relative to the viewpoint, for a band of `half_band` [Hz] to both
-        sides of `centre` [Hz]."""
+        sides of `centre` [Hz]. Surfaces transmit that leave more than the amplitude `least`."""
         table = SlabTable.of([each.material for each in (*static, *moving)], centre, half_band)
         through = np.max([table.strength(centre + u * half_band) for u in (-1.0, 0.0, 1.0)], axis=0)
-        transmits = through**2 > OMITTED_SHARE * rtol
+        transmits = through > least
         opaque, slabs, surface = [np.zeros((0, 3, 3))], [np.zeros((0, 3, 3))], [np.zeros(0, np.int32)]
         for number, (each, points) in enumerate(zip(static, vertices, strict=True)):
             corners = points[each.faces]
