@@ -29,18 +29,10 @@ from rfgen_sionna.tracing.routes.route_trace import RouteTracer
 from rfgen_sionna.tracing.routes.slab_scene import SlabScene
 from rfgen_sionna.tracing.static.actor_shadows import Shadow, StaticShadows, cast_shadows
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
-from rfgen_sionna.tracing.static.static_reflections import StaticReflections, trace_static_reflections
+from rfgen_sionna.tracing.static.static_routes import StaticRoutes, trace_static_routes
 from rfgen_sionna.tracing.static.static_trace import StaticTrace, trace_static
-from rfgen_sionna.tracing.static.static_transmission import (
-    StaticTransmission,
-    find_static_transmission,
-    static_slab_transmission,
-    trace_static_slab_reflections,
-    trace_static_transmission,
-)
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
-from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
-from rfgen_sionna.tracing.transmission.transmission import Transmission
+from rfgen_sionna.tracing.surface.surfaces import Surface, Surfaces, collect_surfaces
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import MeshActor, RadarScene
@@ -144,36 +136,42 @@ class Tracer:
     @cached_property
     def static(self) -> StaticTrace:
         """Static scene, traced at first use."""
-        slabs = self._static_transmission
-        slab_edges = None if slabs is None else static_slab_transmission(self.surfaces, slabs, self._band)
         given = self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
-        return trace_static(*given, slab_edges)
+        return trace_static(*given)
 
     @cached_property
-    def _static_transmission(self) -> Transmission | None:
-        """Transmission between static surfaces; None without slabs."""
-        if not self.transmission or not self.surfaces.static:
-            return None
-        return find_static_transmission(self.surfaces, self.radar, self.rtol)
-
-    @cached_property
-    def static_indirect(self) -> tuple[StaticReflections | StaticCurvedReflections | StaticTransmission, ...]:
+    def static_indirect(self) -> tuple[StaticRoutes | StaticCurvedReflections, ...]:
         """Indirect paths between static surfaces and through them, traced at first use."""
-        found: list[StaticReflections | StaticCurvedReflections | StaticTransmission | None] = []
+        found: list[StaticRoutes | StaticCurvedReflections | None] = []
+        surfaces = self.surfaces
         if self._static_rays is not None:
-            scene = self.surfaces, self._static_rays, self.radar
-            slabs = self._static_transmission
-            straight = None if slabs is None else trace_static_transmission(*scene[:2], slabs, self.static)
-            found.append(straight)
+            if self.max_bounces > 1 or self.transmission:
+                # The same surfaces, as those that a run follows.
+                alone = replace(surfaces, static=(), static_vertices=(), moving=surfaces.static)
+                slabs, followed = self._slabs(alone)
+                if self.max_bounces > 1 or slabs is not None:
+                    vertices = list(surfaces.static_vertices)
+                    known = self._band, self.radar.max_range, self.rtol, lambda _: vertices, np.zeros((0, 3, 3)), slabs
+                    scene = RunScene(followed, *known)
+                    found.append(trace_static_routes(scene, surfaces, self.static.level, self.max_bounces))
             if self.max_bounces > 1:
-                found.append(trace_static_reflections(*scene, self._band, self.static, self.rtol, self.max_bounces))
-                found.append(trace_static_curved(*scene, self.static, self.rtol))
-            if self.max_bounces > 1 and self.transmission:
-                through = None if straight is None else straight.paths
-                found.append(
-                    trace_static_slab_reflections(*scene, self._band, self.static, through, self.rtol, self.max_bounces)
-                )
+                found.append(trace_static_curved(surfaces, self._static_rays, self.radar, self.static, self.rtol))
         return tuple(each for each in found if each is not None)
+
+    def _slabs(self, surfaces: Surfaces) -> tuple[SlabScene | None, tuple[Surface, ...]]:
+        """Slabs among the `surfaces`, None without any, and the moving ones, whose slabs count as open: their insides
+        return as well."""
+        if not self.transmission:
+            return None, surfaces.moving
+        at_rest = [points - self._viewpoint for points in surfaces.static_vertices]
+        # With mirrors a slab may be on one leg alone.
+        least = (OMITTED_SHARE * self.rtol) ** (1.0 if self.max_bounces > 1 else 0.5)
+        band = self._band.centre, self._band.half_band
+        found = SlabScene.of(surfaces.static, surfaces.moving, at_rest, *band, least)
+        if not found.occluders.any_slabs:
+            return None, surfaces.moving
+        pairs = zip(surfaces.moving, found.occluders.transmits, strict=True)
+        return found, tuple(replace(each, closed=each.closed and not slab) for each, slab in pairs)
 
     @cached_property
     def _static_paths(self) -> RadarPaths:
@@ -328,18 +326,7 @@ class Tracer:
     @cached_property
     def _run_scene(self) -> RunScene:
         """Actors, and the facets at rest that occlude them."""
-        static, surfaces, slabs = self.static.facets.corners - self._viewpoint, self.surfaces.moving, None
-        if self.transmission:
-            at_rest = [points - self._viewpoint for points in self.surfaces.static_vertices]
-            # With mirrors a slab may be on one leg alone.
-            least = (OMITTED_SHARE * self.rtol) ** (1.0 if self.max_bounces > 1 else 0.5)
-            band = self._band.centre, self._band.half_band
-            found = SlabScene.of(self.surfaces.static, surfaces, at_rest, *band, least)
-            if found.occluders.any_slabs:
-                slabs = found
-                # The inside of a closed slab returns as well.
-                pairs = zip(surfaces, found.occluders.transmits, strict=True)
-                surfaces = tuple(replace(each, closed=each.closed and not slab) for each, slab in pairs)
+        static, (slabs, surfaces) = self.static.facets.corners - self._viewpoint, self._slabs(self.surfaces)
         return RunScene(surfaces, self._band, self.radar.max_range, self.rtol, self._vertices, static, slabs)
 
     def geometry(self, t: float) -> tuple[RayScene, list[FloatArray], list[FloatArray | None]]:

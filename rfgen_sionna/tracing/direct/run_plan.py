@@ -74,6 +74,11 @@ class RunScene:
         object.__setattr__(self, "group", tolerance_groups(self.surfaces))
 
     @property
+    def wavelength(self) -> float:
+        """At the middle of the band [m]."""
+        return SPEED_OF_LIGHT / self.band.centre
+
+    @property
     def wavenumber(self) -> float:
         """Largest wavenumber [rad/m]."""
         return 2 * np.pi * self.band.highest / SPEED_OF_LIGHT
@@ -158,6 +163,15 @@ class RunPlan:
         plan = planner.plan(settings, error)
         starts = [min(t, max(stop - length, start)) for t in probes]
         return plan if length <= 0 else _with_knots(plan, starts, length)
+
+    @staticmethod
+    def single(scene: RunScene, vertices: Sequence[FloatArray]) -> RunPlan:
+        """Plan without measured errors for a single time with `vertices` (vertex, 3) [m], for other returns than direct
+        ones."""
+        settings = Settings.of(scene.rtol)
+        mesh, expansion = scene.mesh(vertices, settings.facet_rtol), scene.band.expansions.through([(0, 0, 0, 0, 0)])
+        nodes = scene.nodes(node_table(expansion.nodes), np.inf)
+        return RunPlan(scene, settings, mesh, mesh.surface, expansion, nodes, False, 0.0, 1, 0.0, 0.0, True)
 
     def sample(self, times: Sequence[float]) -> list[Sample]:
         """Samples of the facets at `times` [s]."""

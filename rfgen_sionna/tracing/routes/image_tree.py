@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from rfgen_sionna._types import FloatArray
+from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.tracing.integral.fresnel import reflection
 from rfgen_sionna.tracing.routes.legs import Leg, cone
 from rfgen_sionna.tracing.routes.reflectors import Plate
@@ -83,9 +83,10 @@ def significant_routes(
     max_bounces: int,
     max_range: float,
     rtol: float,
+    group: IntArray,
 ) -> set[RouteKey]:
     """Routes, with the smaller leg first, that may matter for one of the `surfaces` (vertex, 3) [m]: all but the weakest,
-    whose bounds add to a share of the tolerance, relative to the direct return."""
+    whose bounds add to a share of the tolerance, relative to the direct return of the `group` (surface,)."""
     points, margins, number = [], [], []
     for index, own in enumerate(surfaces):
         some = own[:: max(1, len(own) // SAMPLES)]
@@ -98,7 +99,7 @@ def significant_routes(
     amplitude: dict[LegKey, FloatArray] = {(): bounds.gain(direct, targets) / length}
     lengths: dict[LegKey, FloatArray] = {(): length}
     level = np.full(len(surfaces), 1e-300)
-    np.maximum.at(level, surface, amplitude[()] ** 2)
+    np.maximum.at(level, group[surface], amplitude[()] ** 2)
 
     def add(key: LegKey, leg: Leg) -> None:
         reached = _reached(leg, targets, margin, surface)
@@ -124,7 +125,7 @@ def significant_routes(
         if not 0 < len(one) + len(other) < max_bounces:
             continue
         both = amplitude[one] * amplitude[other] * (0.5 * (lengths[one] + lengths[other]) < max_range)
-        most = float((both / level[surface]).max(initial=0.0)) * (1.0 if one == other else 2.0)
+        most = float((both / level[group[surface]]).max(initial=0.0)) * (1.0 if one == other else 2.0)
         if most > 0:
             routes.append((one, other))
             strength.append(most)

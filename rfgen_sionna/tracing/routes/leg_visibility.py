@@ -70,6 +70,10 @@ class Crossings:
         none = np.full((count, 1), -1, np.int32)
         return Crossings(none, none, np.zeros((count, 1, 3)), np.zeros((count, 1)))
 
+    def behind(self) -> Crossings:
+        """Of the part of each facet that is behind a slab."""
+        return replace(self, cover=np.minimum(self.cover / np.maximum(self.cover[:, :1], 1e-12), 1.0))
+
     def take(self, index: NDArray[np.intp]) -> Crossings:
         """Those of some facets."""
         return Crossings(self.surface[index], self.segment[index], self.normals[index], self.cover[index])

@@ -20,13 +20,15 @@ from rfgen_sionna.tracing.gains.expansion import Expansion
 from rfgen_sionna.tracing.integral.fresnel import media_table
 from rfgen_sionna.tracing.integral.leg_fields import MAX_MIRRORS, LegTables
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.routes.image_tree import LegKey, ReturnBounds, RouteKey, leg_of, significant_routes
+from rfgen_sionna.tracing.routes.image_tree import OMITTED_SHARE, LegKey, ReturnBounds, RouteKey, leg_of, significant_routes
 from rfgen_sionna.tracing.routes.leg_visibility import Crossings, Occluders, see_along
 from rfgen_sionna.tracing.routes.legs import Leg
 from rfgen_sionna.tracing.routes.reflectors import Plate, Reflectors
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
+FEW_ROUTES = 8
+"""Number of routes from which bounds of all facets select some before their visibility is known."""
 CHECKED_FACETS, CHECKED_ROUTES = 300, 12
 """Strongest facets of the strongest routes that decide on an expansion."""
 
@@ -77,11 +79,12 @@ class RouteReturns:
 
 
 class RouteTracer:
-    """Traces the routes of moving surfaces by mirrors among all `surfaces`; facets at rest occlude. `max_bounces` is 2 or
-    3."""
+    """Traces the routes of moving surfaces, which have the positions `plan_positions` (vertex, 3) [m], by mirrors among all
+    `surfaces`; facets at rest occlude. `max_bounces` is at most 3; `through_slabs` adds direct legs through slabs."""
 
     def __init__(self, surfaces: Surfaces, plan_positions: Sequence[FloatArray], viewpoint: FloatArray, wavelength: float,
-                 max_bounces: int) -> None:  # fmt: skip
+                 max_bounces: int, through_slabs: bool = False) -> None:  # fmt: skip
+        self._through_slabs = through_slabs
         self._surfaces, self._viewpoint, self._max_bounces = surfaces, viewpoint, max_bounces
         self._static = [np.asarray(each) - viewpoint for each in surfaces.static_vertices]
         every = [*surfaces.static_vertices, *plan_positions]
@@ -161,7 +164,7 @@ class RouteTracer:
             arrival=ends[1],
             object_id=np.array([each.object_id for each in scene.surfaces], np.int32)[surface],
             part_id=mesh.part[facets],
-            kind=np.full(len(facets), PathKind.MULTI_BOUNCE, np.uint8),
+            kind=np.full(len(facets), PathKind.MULTI_BOUNCE if route.bounces > 1 else PathKind.FACET, np.uint8),
             bounces=np.full(len(facets), route.bounces, np.uint8),
             object_names=names[0],
             part_names=names[1],
@@ -193,7 +196,10 @@ class RouteTracer:
         keys: set[RouteKey] = set()
         for k in poses:
             own = [samples[k].points[first:last] for first, last in self._vertex_ranges(plan)]
-            keys |= significant_routes(plates[k], own, bounds, self._max_bounces, scene.max_range, scene.rtol)
+            keys |= significant_routes(plates[k], own, bounds, self._max_bounces, scene.max_range, scene.rtol, scene.group)
+        keys = self._strong(plan, samples, poses, plates, keys, bounds)
+        if self._through_slabs and plan.scene.slabs is not None:
+            keys.add(((), ()))
         legs, shares = dict[LegKey, tuple[Leg, ...]](), dict[LegKey, FloatArray]()
         crossed: dict[LegKey, list[Crossings | None]] = {}
         points = [each.points for each in samples]
@@ -222,6 +228,10 @@ class RouteTracer:
         for one, other in sorted(keys):
             if one in legs and other in legs:
                 share = shares[one] if one == other else shares[one] * shares[other]
+                if not one and not other:  # the rest is part of the direct returns
+                    behind = [each.cover[:, 0] for each in crossed[one] if each is not None]
+                    share = share * np.stack(behind)
+                    crossed[one] = [None if each is None else each.behind() for each in crossed[one]]
                 route = self._route(plan, samples, poses, (one, other), (legs[one], legs[other]), share, bounds)
                 if len(route.facets) and plan.scene.slabs is not None:
                     known_crossed = zip(crossed[one], crossed[other], strict=True)
@@ -239,6 +249,59 @@ class RouteTracer:
                     swapped = tuple((back, out) for out, back in route.crossed)
                     both.append(replace(route, out=route.back, back=route.out, crossed=swapped))
         return both
+
+    def _strong(
+        self, plan: RunPlan, samples: Sequence[Sample], poses: Sequence[int], plates: Sequence[Sequence[Plate | None]],
+        keys: set[RouteKey], bounds: ReturnBounds,
+    ) -> set[RouteKey]:  # fmt: skip
+        """The routes of `keys` without the weakest, by bounds of all facets in their windows, visible or not."""
+        if len(keys) < FEW_ROUTES or plan.settings.omitted <= 0 or not plan.cull:
+            return keys
+        scene, mesh = plan.scene, plan.mesh
+        ordered, direct = sorted(keys), Leg(())
+        energy = np.zeros((len(ordered), len(scene.group)))
+        level = np.zeros(len(scene.group))
+        for k in poses:
+            sample = samples[k]
+            centroids = mesh.centroids(sample.points, np.arange(len(mesh)))
+            size = np.linalg.norm(sample.points[mesh.meshes.corners] - centroids[:, None], axis=2).max(axis=1)
+            level = np.maximum(level, self._energies(plan, sample, np.arange(len(mesh)), sample.visible, direct, direct, bounds))
+            legs: dict[LegKey, Leg | None] = {(): direct}
+            reached: dict[LegKey, NDArray[np.bool_]] = {(): sample.visible > 0}
+            for key in {leg for pair in ordered for leg in pair if leg}:
+                leg = legs[key] = leg_of(key, plates[k])
+                if leg is not None:
+                    reached[key] = (centroids @ leg.planes[:, :3].T - leg.planes[:, 3] >= -size[:, None]).all(axis=1)
+            for row, (one, other) in enumerate(ordered):
+                out, back = legs[one], legs[other]
+                if out is not None and back is not None:
+                    some = np.flatnonzero(reached[one] & reached[other])
+                    visible = self.reflectors.role_weights(self._owners(plan, some), one, other)
+                    found = self._energies(plan, sample, some, visible, out, back, bounds)
+                    energy[row] = np.maximum(energy[row], found * (1.0 if one == other else 4.0))
+        share = (energy / np.maximum(np.maximum(level, energy.max(axis=0, initial=0.0)), 1e-300)).max(axis=1)
+        order = np.argsort(share)
+        weak = np.cumsum(np.sqrt(share[order])) <= OMITTED_SHARE * scene.rtol
+        return {ordered[row] for row in order[~weak]}
+
+    def _energies(
+        self, plan: RunPlan, sample: Sample, facets: NDArray[np.intp], visible: FloatArray, out: Leg, back: Leg,
+        bounds: ReturnBounds,
+    ) -> FloatArray:  # fmt: skip
+        """(group,) energy of the bounds of some `facets` of shares `visible` (facet,)."""
+        scene, mesh, bound = plan.scene, plan.mesh, np.zeros(len(facets))
+        centroids = mesh.centroids(sample.points, facets)
+        gain = bounds.gain(out, centroids) * bounds.gain(back, centroids)
+        bound_returns(
+            sample.points, mesh.meshes.corners, mesh.faces, mesh.group, sample.normals, mesh.face_of, facets, visible, gain,
+            scene.wavenumber, out.view, back.view, bound,
+        )  # fmt: skip
+        return np.bincount(scene.group[mesh.facet_surface[facets]], bound**2, len(scene.group))
+
+    def _owners(self, plan: RunPlan, facets: NDArray[np.intp]) -> IntArray:
+        """(facet,) planar part of some facets, -1 for none."""
+        first = np.array([each.first_facet for each in plan.scene.surfaces])[plan.mesh.facet_surface[facets]]
+        return np.asarray(self.reflectors.owner[first + plan.mesh.face_in_surface[facets]])
 
     def _fractions(
         self, plan: RunPlan, leg: Leg, points: Sequence[FloatArray]
@@ -258,9 +321,7 @@ class RouteTracer:
         """Facets of one route, with the `share` (knot, facet) that both legs show."""
         scene, mesh = plan.scene, plan.mesh
         facets = np.flatnonzero(share.any(axis=0))
-        first = np.array([each.first_facet for each in scene.surfaces])[mesh.facet_surface[facets]]
-        own = self.reflectors.owner[first + mesh.face_in_surface[facets]]
-        visible = share[:, facets] * self.reflectors.role_weights(own, *key)
+        visible = share[:, facets] * self.reflectors.role_weights(self._owners(plan, facets), *key)
         bound = np.zeros(len(facets))
         for k, sample in enumerate(samples):
             centroids = mesh.centroids(sample.points, facets)
