@@ -19,10 +19,10 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tolerance import SIMULATOR_RTOL
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.direct.direct_trace import DirectTrace, trace_direct
+from rfgen_sionna.tracing.direct.knots import Knots, choose_knots
 from rfgen_sionna.tracing.direct.run_plan import RunPlan, RunScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.integral.slabs import warn_of_late_reflections
-from rfgen_sionna.tracing.moving.knots import Knots, choose_knots
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
 from rfgen_sionna.tracing.routes.route_trace import RouteTracer
@@ -72,13 +72,11 @@ class Tracer:
 
     The static scene is tessellated, tested for visibility and integrated once. Each interval of time traces the actors
     and their shadows on the static scene. Surfaces reflect with Fresnel coefficients, as half-spaces or slabs; rough
-    ones reflect diffusely as well. Indirect paths are coherent: ghosts in walls and floors
-    (:mod:`rfgen_sionna.tracing.ghosts.ghosts`), planar reflectors
-    (:mod:`rfgen_sionna.tracing.reflectors.planar_reflections`, :mod:`rfgen_sionna.tracing.static.static_reflections`)
-    and specular double bounces between curved surfaces (:mod:`rfgen_sionna.tracing.curved.curved_reflections`).
+    ones reflect diffusely as well. Indirect paths are coherent: routes by planar reflectors and through slabs
+    (:mod:`rfgen_sionna.tracing.routes`) and specular double bounces between curved surfaces
+    (:mod:`rfgen_sionna.tracing.curved.curved_reflections`).
 
-    Not traced: paths by two curved surfaces and a third surface or a slab; paths of actors by two different walls in
-    succession if the radar moves or slabs are in between.
+    Not traced: paths by two curved surfaces and a third surface or a slab.
 
     Parameters
     ----------
@@ -98,12 +96,10 @@ class Tracer:
         Seed of the phases of diffuse returns.
     max_bounces
         Largest number of surfaces on a path: 1 direct returns only; 2 adds one planar reflector on the way out or back,
-        and two curved surfaces; 3 adds planar reflectors on both ways. Returns below the tolerance, by an upper bound,
-        are omitted.
+        and two curved surfaces; 3 adds planar reflectors on both ways, and two in a row on one. Returns below the
+        tolerance, by an upper bound, are omitted.
     transmission
-        Whether slabs (surfaces of a material with a thickness) transmit: on direct paths, on every leg to actors, and
-        between static surfaces by way of planar reflectors (:mod:`rfgen_sionna.tracing.transmission.transmission`,
-        :mod:`rfgen_sionna.tracing.static.static_transmission`).
+        Whether slabs, surfaces of a material with a thickness, transmit on all legs.
     """
 
     def __init__(

@@ -12,8 +12,7 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind
 from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.reflectors.clipped_footprints import DIRECT
-from rfgen_sionna.tracing.reflectors.planar_reflectors import mirror_weights
+from rfgen_sionna.tracing.routes.planar_parts import mirror_weight
 from tests.physics.test_ghosts import channel, decibels, side_wall, sphere
 from tests.reference.corners import Side, corner_gain
 from tests.sionna.rectangles import scene_of
@@ -165,12 +164,11 @@ def test_dihedrals_that_stay_rolled_and_yawed_return_what_an_actor_s_do(widths, 
 
 @pytest.mark.parametrize("ratio", [1.0, 5.0, 8.0, 17.0, 32.0, 1e3])
 def test_two_plates_have_either_role_and_count_once_together(ratio):
-    area, one, other = np.array([ratio, 1.0]), np.array([0]), np.array([1])
-    small, large = mirror_weights(area, other, one, DIRECT), mirror_weights(area, one, other, DIRECT)
+    one, other = np.array(ratio), np.array(1.0)
+    small, large = mirror_weight(one, other), mirror_weight(other, one)
     assert small + large == pytest.approx(1.0)
     assert small == pytest.approx({5.0: 0.5, 8.0: 0.5, 32.0: 1.0}.get(ratio, small))
     assert large <= 0.5 <= small
-    assert mirror_weights(area, np.array([-1]), one, DIRECT) == mirror_weights(area, one, other, other) == 1.0
 
 
 @pytest.mark.parametrize("gigahertz", [pytest.param(24, marks=SLOW), 77])

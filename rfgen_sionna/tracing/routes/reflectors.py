@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.tracing.reflectors.planar_reflectors import (
+from rfgen_sionna.tracing.routes.legs import Mirror
+from rfgen_sionna.tracing.routes.planar_parts import (
+    FLATNESS,
     UNBOUNDED,
     PlanarPart,
     face_owners,
@@ -16,11 +18,7 @@ from rfgen_sionna.tracing.reflectors.planar_reflectors import (
     min_widths,
     mirror_weight,
 )
-from rfgen_sionna.tracing.routes.legs import Mirror
 from rfgen_sionna.tracing.surface.surfaces import Surface
-
-FLATNESS = 1e-4
-"""Largest distance of a mirror's vertices from its plane [m]: 0.3 rad of two-way phase at 77 GHz."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,14 @@ from rfgen_sionna.tracing.gains.expansion import Expansion
 from rfgen_sionna.tracing.integral.fresnel import media_table
 from rfgen_sionna.tracing.integral.leg_fields import MAX_MIRRORS, LegTables
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.routes.image_tree import OMITTED_SHARE, LegKey, ReturnBounds, RouteKey, leg_of, significant_routes
+from rfgen_sionna.tracing.routes.image_tree import (
+    OMITTED_SHARE,
+    LegKey,
+    ReturnBounds,
+    RouteKey,
+    leg_of,
+    significant_routes,
+)
 from rfgen_sionna.tracing.routes.leg_visibility import Crossings, Occluders, see_along
 from rfgen_sionna.tracing.routes.legs import Leg
 from rfgen_sionna.tracing.routes.reflectors import Plate, Reflectors

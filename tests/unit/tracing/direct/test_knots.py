@@ -5,7 +5,7 @@ import pytest
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.records import knot_weights
-from rfgen_sionna.tracing.moving.knots import choose_knots, spline_error
+from rfgen_sionna.tracing.direct.knots import choose_knots, spline_error
 
 FREQUENCY = 77e9
 K = 4 * np.pi * FREQUENCY / SPEED_OF_LIGHT

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rfgen_sionna.tracing.moving.knots import SPLINE_PHASE_ERROR, SplinedPositions, choose_knots
+from rfgen_sionna.tracing.direct.knots import SPLINE_PHASE_ERROR, SplinedPositions, choose_knots
 
 BODY = np.random.default_rng(0).normal(size=(50, 3)) * 0.2 + [3.0, 0, 0]
 LENGTH = 27.6e-3

@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.records import knot_weights
 from rfgen_sionna.scene.mesh import lengths
 
@@ -229,71 +229,3 @@ def max_phase_step(tolerance: float, gaps: int) -> float:
     if gaps <= QUIET_GAPS:
         return float((tolerance / QUIET_ERROR) ** (1 / 3))
     return float((tolerance / TERMINATOR_ERROR) ** 0.25)
-
-
-def has_shadow_edge(shares: FloatArray) -> NDArray[np.bool_]:
-    """(facet,) whether a shadow boundary is on or passes each facet, by its visible fraction `shares` (facet, time)."""
-    rows = np.ascontiguousarray(shares.T)  # reductions are faster along long rows
-    low, high = rows.min(axis=0), rows.max(axis=0)
-    return np.asarray((high > low) | ((low > 0) & (low < 1)))
-
-
-def leave_one_out(gains: ComplexArray) -> ComplexArray:
-    """(facet, inner time) difference of `gains` (facet, time) at evenly spaced times from the polynomials through their
-    four neighbours, or all others of three or four times. Twice the error of the spline where a shadow boundary passes,
-    as that grows with the gap."""
-    count = gains.shape[1]
-    weights = np.zeros((max(count - 2, 0), count))
-    for k, row in enumerate(weights, 1):
-        first = min(max(k - 2, 0), max(count - 5, 0))
-        others = [m for m in range(first, min(first + 5, count)) if m != k]
-        for m in others:
-            row[m] = -np.prod([(k - other) / (m - other) for other in others if other != m])
-        row[k] = 1.0
-    return np.asarray(gains @ weights.T)
-
-
-def largest_energy(missed: ComplexArray) -> FloatArray:
-    """(facet,) largest energy of `missed` (facet, time); at single times it may vanish by chance."""
-    return np.asarray((missed.real**2 + missed.imag**2).max(axis=1, initial=0.0))
-
-
-def interpolation_loss(swing: FloatArray, gaps: int = TERMINATOR_GAPS) -> FloatArray:
-    """(facet,) share of the energy of phasors with a phase step `swing` [rad] that splines with `gaps` gaps miss; with
-    many gaps as at their ends, as a shadow boundary is on a facet for a short time."""
-    return np.asarray(np.minimum(spline_error(swing, min(gaps, TERMINATOR_GAPS)), 1.0) ** 2)
-
-
-def rms(parts: ComplexArray) -> FloatArray:
-    """(part,) root mean squares over time of `parts` (part, time)."""
-    return np.asarray(np.sqrt((parts.real**2 + parts.imag**2).mean(axis=1)))
-
-
-def missed_energy(
-    gains: ComplexArray,
-    phasors: ComplexArray,
-    shares: FloatArray,
-    width: FloatArray,
-    surface: NDArray[np.integer[Any]],
-    count: int,
-) -> FloatArray:
-    """(surface,) mean energy over time that splines miss of each of `count` surfaces; the other arguments are those of
-    :func:`rfgen_sionna.tracing.moving.temporal_refinement.choose_refinement`.
-
-    The coherent sum of the facets' errors, raised towards the incoherent sum as far as chance may have reduced it: a
-    shadow boundary that leaves one facet enters the next, whose errors nearly cancel, and n times determine the energy
-    of the sum to 1 / √n only.
-    """
-    energy, missed = gains.real**2 + gains.imag**2, leave_one_out(gains)
-    swung = np.maximum(energy[:, 1:], energy[:, :-1]) * interpolation_loss(
-        width[:, None] * np.abs(np.diff(shares, axis=1)), gains.shape[1] - 1
-    )
-    apart = np.bincount(surface, np.maximum(rms(missed) ** 2, swung.mean(axis=1)), count)
-    missed = missed * phasors[:, 1:-1]
-    together = np.stack([missed[surface == number].sum(axis=0) for number in range(count)])
-    at_times = together.real**2 + together.imag**2
-    total, square = at_times.sum(axis=1), (at_times**2).sum(axis=1)
-    independent = total**2 / np.where(square > 0, square, np.inf)  # number of independent times
-    summed = total / at_times.shape[1]
-    by_chance = (1.0 + _SPREAD / np.sqrt(np.maximum(independent, 1e-12))) ** 2 * summed
-    return np.asarray(np.maximum(summed, np.where(independent > _MIN_SAMPLES, np.minimum(apart, by_chance), apart)))
