@@ -20,7 +20,8 @@ from rfgen_sionna.tolerance import SIMULATOR_RTOL
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.direct.direct_trace import DirectTrace, trace_direct
 from rfgen_sionna.tracing.direct.knots import Knots, choose_knots
-from rfgen_sionna.tracing.direct.run_plan import RunPlan, RunScene
+from rfgen_sionna.tracing.direct.run_plan import RunPlan
+from rfgen_sionna.tracing.direct.run_scene import RunScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.integral.slabs import warn_of_late_reflections
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world

@@ -333,7 +333,7 @@ def test_a_slab_on_one_way_alone_may_take_more_than_one_there_and_back(radar):
     loose, fine = (returned(radar, ball(0.02), panes, rtol=rtol) for rtol in (1e-2, 1e-3))
     ghosts = [channel(each.select(each.bounces == 2)) for each in (loose, fine)]
     assert abs(ghosts[1]).max() > 0.015 * abs(channel(fine)).max()
-    assert abs(ghosts[0] - ghosts[1]).max() < 0.02 * abs(ghosts[1]).max()
+    assert abs(ghosts[0] - ghosts[1]).max() < 0.05 * abs(ghosts[1]).max()  # what the coarser one states
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,28 +15,20 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.direct.expansion_choice import choose_expansion, expanded, first_pair, group_sums, node_table
+from rfgen_sionna.tracing.direct.run_scene import RunScene
 from rfgen_sionna.tracing.direct.samples import (
     GainNodes,
-    Positions,
     Sample,
-    Sampler,
     choose_facets,
     integrate,
     pair_delays,
 )
 from rfgen_sionna.tracing.direct.settings import MAX_KNOTS, Settings
 from rfgen_sionna.tracing.direct.time_error import prediction_error
-from rfgen_sionna.tracing.gains.band import MONOSTATIC, BandTracer
-from rfgen_sionna.tracing.gains.diffuse import grain_of
 from rfgen_sionna.tracing.gains.expansion import PROBES, Expansion
-from rfgen_sionna.tracing.integral.fresnel import media_table
 from rfgen_sionna.tracing.integral.leg_fields import LegTables
-from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.routes.slab_scene import SlabScene
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.surface.facets import CANCELLED
-from rfgen_sionna.tracing.surface.surfaces import Surface, tolerance_groups
-from rfgen_sionna.tracing.surface.tessellate import tessellate
 
 POSES = 9
 """Poses of a run that decide on its facets."""
@@ -48,80 +40,9 @@ EXPANSION_SHARE = 0.7
 """Share of the tolerance for an expansion."""
 TIME_PER_RTOL = 1.0
 """Allowed error between knots per unit of the tolerance."""
-RANGE_MARGIN = 1.1
-"""Range of tessellation over the range window: facets may enter it during the run."""
 EXPANSION_FACETS = 800
 """Strongest facets that decide on an expansion."""
 _LOG = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class RunScene:
-    """Moving surfaces of a run, and the radar that sees them."""
-
-    surfaces: tuple[Surface, ...]
-    band: BandTracer
-    max_range: float
-    rtol: float
-    positions: Positions
-    static: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 3)))
-    """(facet, 3, 3) corners [m] of visible facets at rest, relative to the viewpoint."""
-    slabs: SlabScene | None = None
-    """Slabs that transmit; None means that all surfaces occlude."""
-    group: IntArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "group", tolerance_groups(self.surfaces))
-
-    @property
-    def wavelength(self) -> float:
-        """At the middle of the band [m]."""
-        return SPEED_OF_LIGHT / self.band.centre
-
-    @property
-    def wavenumber(self) -> float:
-        """Largest wavenumber [rad/m]."""
-        return 2 * np.pi * self.band.highest / SPEED_OF_LIGHT
-
-    def mesh(self, vertices: Sequence[FloatArray], rtol: float) -> FacetMesh:
-        """Facets fine enough for `vertices` (vertex, 3) [m] of each surface and a tolerance `rtol`."""
-        band = self.band
-        pieces = [
-            tessellate(
-                points, surface.faces, band.viewpoint, band.highest, rtol, band.pattern_gain,
-                RANGE_MARGIN * self.max_range, band.half_band, smooth=surface.smooth, grain=grain_of(surface),
-            )
-            for points, surface in zip(vertices, self.surfaces, strict=True)
-        ]  # fmt: skip
-        return FacetMesh.of(self.surfaces, pieces, [len(points) for points in vertices])
-
-    def sampler(self, mesh: FacetMesh, settings: Settings) -> Sampler:
-        """Samples a `mesh` with these `settings`."""
-        known = self.positions, self.band.viewpoint, self.max_range
-        return Sampler(mesh, *known, settings.resolution, self.static, self.slabs)
-
-    def nodes(self, table: FloatArray, nearest: float) -> GainNodes:
-        """Nodes of a `table` (node, 7) for facets that are `nearest` [m] at least."""
-        band = self.band
-        frequency = table[:, 6] * SPEED_OF_LIGHT / (2 * np.pi)
-        media = media_table(Media.at([each.material for each in self.surfaces], frequency, band.half_band))
-        monostatic = band.alike and band.baseline**2 < MONOSTATIC * self.rtol * nearest**2
-        return GainNodes(np.ascontiguousarray(table), media, np.stack(band.fields), not monostatic)
-
-    def probe_nodes(self, u: FloatArray, pairs: IntArray) -> FloatArray:
-        """(probe, 7) table of element `pairs` (probe,) at positions `u` (probe,) of the band."""
-        return node_table(self.band.expansions.nodes(u, pairs))
-
-    def gradient(self, centroids: FloatArray, needed: bool) -> FloatArray:
-        """(facet, 3) gradient of the logarithm of the pattern gain at `centroids` (facet, 3) [m]; empty where it is not
-        `needed` or zero."""
-        found = self.band.pattern_gradients(centroids) if needed and len(centroids) else None
-        return np.zeros((0, 3)) if found is None else found
-
-    def pattern(self, centroids: FloatArray) -> FloatArray:
-        """(facet,) two-way field gain over its peak towards `centroids` (facet, 3) [m] relative to the viewpoint."""
-        away = np.maximum(lengths(centroids), 1e-12)
-        return self.band.pattern_gain(centroids / away[:, None])
 
 
 @dataclass(frozen=True)

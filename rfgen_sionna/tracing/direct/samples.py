@@ -64,7 +64,7 @@ class Sampler:
         views = choose_views(points, mesh.meshes.vertex_range, self.resolution)
         buffer = ItemBuffer(mesh.meshes, views, self.static)
         found = []
-        shares, crossed = None, [None] * len(points)
+        shares, crossed = None, list[Crossings]()
         if self.slabs is not None:
             shares, crossed = see_along(Leg(()), mesh.meshes, points, self.slabs.occluders, self.resolution, mesh.corner_normals)
         for k, each in enumerate(points):
@@ -75,7 +75,7 @@ class Sampler:
                 visible = shares[k]
             self._limit_range(each, visible)
             shadows = buffer.shadows() if len(self.static) else (np.zeros(0, np.intp), np.zeros(0))
-            found.append(Sample(each, mesh.normals(each), visible, shadows, crossed[k]))
+            found.append(Sample(each, mesh.normals(each), visible, shadows, crossed[k] if crossed else None))
         return found
 
     def _limit_range(self, points: FloatArray, visible: FloatArray) -> None:

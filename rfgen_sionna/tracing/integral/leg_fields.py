@@ -46,7 +46,7 @@ class LegTables(NamedTuple):
 
     views: FloatArray
     """(2, 3) images of the phase centre [m] relative to it."""
-    count: IntArray
+    mirrors: IntArray
     """(2,) number of mirrors."""
     normals: FloatArray
     """(2, mirror, 3) normals of the mirrors from the element on."""
@@ -124,7 +124,7 @@ def _leg_field(legs: Any, side: int, node: int, q: int, wavenumber: float, k: An
     """Complex field along `k` at facet `q` per unit of the transverse field of an image of the `element`."""
     own = transverse(element, k)
     field = (complex(own[0]), complex(own[1]), complex(own[2]))
-    for place in range(legs.count[side] + 1):
+    for place in range(legs.mirrors[side] + 1):
         for depth in range(legs.slab.shape[2]):
             material = legs.slab[side, q, depth]
             if material < 0 or legs.segment[side, q, depth] != place:
@@ -142,7 +142,7 @@ def _leg_field(legs: Any, side: int, node: int, q: int, wavenumber: float, k: An
             back = np.exp(complex(0.0, cover * bulk))
             free = (1.0 - cover) * back
             field = _by_polarisation(field, across, free + cover * back * t_s, free + cover * back * t_p)
-        if place < legs.count[side]:
+        if place < legs.mirrors[side]:
             normal = legs.normals[side, place]
             n = (normal[0], normal[1], normal[2])
             across = cross(k, n)

@@ -202,7 +202,7 @@ def patch_gains(
     """
     lattice, path = np.empty((_POINTS, 3)), np.empty(_POINTS)
     tx_field, rx_field = (fields[0, 0], fields[0, 1], fields[0, 2]), (fields[1, 0], fields[1, 1], fields[1, 2])
-    mirrored, planes = legs.count[0] + legs.count[1] > 0, legs.planes
+    mirrored, planes = legs.mirrors[0] + legs.mirrors[1] > 0, legs.planes
     views = (
         (legs.views[0, 0], legs.views[0, 1], legs.views[0, 2]), (legs.views[1, 0], legs.views[1, 1], legs.views[1, 2])
     )  # fmt: skip

@@ -121,13 +121,13 @@ def significant_routes(
             if further is not None and (further.mirrors[1].height(np.concatenate(leg.mirrors[0].windows)) > ON_MIRROR).any():
                 add((one, other), further)
     routes, strength = [], []
-    for one, other in combinations_with_replacement(sorted(amplitude, key=lambda key: (len(key), key)), 2):
-        if not 0 < len(one) + len(other) < max_bounces:
+    for out, back in combinations_with_replacement(sorted(amplitude, key=lambda key: (len(key), key)), 2):
+        if not 0 < len(out) + len(back) < max_bounces:
             continue
-        both = amplitude[one] * amplitude[other] * (0.5 * (lengths[one] + lengths[other]) < max_range)
-        most = float((both / level[group[surface]]).max(initial=0.0)) * (1.0 if one == other else 2.0)
+        both = amplitude[out] * amplitude[back] * (0.5 * (lengths[out] + lengths[back]) < max_range)
+        most = float((both / level[group[surface]]).max(initial=0.0)) * (1.0 if out == back else 2.0)
         if most > 0:
-            routes.append((one, other))
+            routes.append((out, back))
             strength.append(most)
     order = np.argsort(strength)
     weak = np.cumsum(np.array(strength)[order]) <= OMITTED_SHARE * rtol

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -214,13 +215,13 @@ class _Buffer:
         edges = rest.slabs[:, 1:] - rest.slabs[:, :1]
         across = np.cross(edges[:, 0], edges[:, 1])
         across = np.repeat((across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30))[:, None], 3, axis=1)
-        moving = [
+        slabs_moving = [
             (meshes.corners[facets], self._normals(real, facets), np.full(facets.stop - facets.start, rest.first + k, np.int32), k)
             for facets, k in self._slabs
         ]  # fmt: skip
         for number, segment in enumerate(self._leg.segments):
             for points, corners, turned, surfaces, which in (
-                (*still, across, rest.slab_surface, -1), *((real, *each) for each in moving)
+                (*still, across, rest.slab_surface, -1), *((real, *each) for each in slabs_moving)
             ):  # fmt: skip
                 image = segment.image(points)
                 add_layers(image, corners, first, segment.planes, view.axes, view.origin, view.scale, layers, slabs)
@@ -229,7 +230,7 @@ class _Buffer:
                 surface.append(surfaces)
                 place.append(np.full(len(corners), number, np.int32))
                 own[which], first = first, first + len(corners)  # those of the last segment stay
-        known = tuple(np.concatenate(each) for each in (there, normals, surface, place))
+        known: Any = tuple(np.concatenate(each) for each in (there, normals, surface, place))
         planes = self._leg.segments[-1].planes
         unused = np.zeros(len(meshes.corners), np.int32)
         for facets, moving in [(each, -1) for each in self._opaque] + self._slabs:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.records import PathKind, RadarPaths, knot_weights
 from rfgen_sionna.tracing.direct.expansion_choice import choose_expansion, first_pair, node_table
-from rfgen_sionna.tracing.direct.return_bounds import bound_returns, significant
 from rfgen_sionna.tracing.direct.run_plan import EXPANSION_SHARE, RunPlan
 from rfgen_sionna.tracing.direct.samples import GainNodes, Sample, integrate, pair_delays
 from rfgen_sionna.tracing.gains.expansion import Expansion
@@ -21,7 +20,6 @@ from rfgen_sionna.tracing.integral.fresnel import media_table
 from rfgen_sionna.tracing.integral.leg_fields import MAX_MIRRORS, LegTables
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.routes.image_tree import (
-    OMITTED_SHARE,
     LegKey,
     ReturnBounds,
     RouteKey,
@@ -31,58 +29,13 @@ from rfgen_sionna.tracing.routes.image_tree import (
 from rfgen_sionna.tracing.routes.leg_visibility import Crossings, Occluders, see_along
 from rfgen_sionna.tracing.routes.legs import Leg
 from rfgen_sionna.tracing.routes.reflectors import Plate, Reflectors
+from rfgen_sionna.tracing.routes.route import Route, RouteReturns
+from rfgen_sionna.tracing.routes.route_bounds import raise_bounds, significant_facets, strong_routes
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
-FEW_ROUTES = 8
-"""Number of routes from which bounds of all facets select some before their visibility is known."""
 CHECKED_FACETS, CHECKED_ROUTES = 300, 12
 """Strongest facets of the strongest routes that decide on an expansion."""
-
-
-@dataclass(frozen=True, eq=False)
-class Route:
-    """Facets by one leg out and one back over the knots."""
-
-    out: tuple[Leg, ...]
-    """Of each knot."""
-    back: tuple[Leg, ...]
-    facets: NDArray[np.intp]
-    """(path,)"""
-    visible: FloatArray
-    """(knot, path) visible share times the weight of the roles."""
-    bound: FloatArray
-    """(path,) bound of the return."""
-    crossed: tuple[tuple[Crossings, Crossings], ...] = ()
-    """Slabs on both legs at each knot; empty without transmission."""
-
-    @property
-    def bounces(self) -> int:
-        """Number of surfaces on a path."""
-        return 1 + len(self.out[0].mirrors) + len(self.back[0].mirrors)
-
-    def take(self, index: NDArray[np.intp]) -> Route:
-        """Some of its facets."""
-        crossed = tuple((out.take(index), back.take(index)) for out, back in self.crossed)
-        return Route(self.out, self.back, self.facets[index], self.visible[:, index], self.bound[index], crossed)
-
-
-@dataclass(frozen=True, eq=False)
-class RouteReturns:
-    """Integrated routes."""
-
-    route: Route
-    values: ComplexArray
-    """(node, path, knot)"""
-    gains: ComplexArray
-    """(path, knot) of the first pair in the middle of the band, with antennas."""
-    delays: FloatArray
-    """(tx, rx, path, knot) [s]"""
-
-    @property
-    def facets(self) -> NDArray[np.intp]:
-        """(path,)"""
-        return self.route.facets
 
 
 class RouteTracer:
@@ -142,7 +95,8 @@ class RouteTracer:
             middle = len(samples) // 2
             centroids = plan.mesh.centroids(samples[middle].points, route.facets)
             pattern = self._pattern(plan, route, middle, centroids)
-            returns.append(RouteReturns(route, joined, first_pair(self._expansion, joined) * pattern[:, None], delays))
+            own_gains = first_pair(self._expansion, joined) * pattern[:, None]
+            returns.append(RouteReturns(route, self._expansion, joined, own_gains, delays))
         return returns
 
     def paths(
@@ -152,8 +106,7 @@ class RouteTracer:
         """Paths of one route."""
         scene, mesh, route = plan.scene, plan.mesh, returns.route
         band, facets = scene.band, route.facets
-        assert self._expansion is not None
-        gains = band.combined(self._expansion, returns.values)
+        gains = band.combined(returns.expansion, returns.values)
         ends = []
         for legs in (route.out, route.back):
             towards = [leg.departures(mesh.centroids(each.points, facets)) for leg, each in zip(legs, samples, strict=True)]
@@ -184,7 +137,7 @@ class RouteTracer:
         moving = [each - self._viewpoint for each in plan.scene.positions(t)]
         found = self.reflectors.plates([*self._static, *moving])
         fixed = self._fixed
-        return [fixed[k] if k in fixed else each for k, each in enumerate(found)]
+        return [fixed.get(k, each) for k, each in enumerate(found)]
 
     @cached_property
     def _fixed(self) -> dict[int, Plate | None]:
@@ -204,7 +157,8 @@ class RouteTracer:
         for k in poses:
             own = [samples[k].points[first:last] for first, last in self._vertex_ranges(plan)]
             keys |= significant_routes(plates[k], own, bounds, self._max_bounces, scene.max_range, scene.rtol, scene.group)
-        keys = self._strong(plan, samples, poses, plates, keys, bounds)
+        at_poses = [(samples[k], plates[k]) for k in poses]
+        keys = strong_routes(plan, at_poses, keys, bounds, lambda some, *key: self._weights(plan, some, *key))
         if self._through_slabs and plan.scene.slabs is not None:
             keys.add(((), ()))
         legs, shares = dict[LegKey, tuple[Leg, ...]](), dict[LegKey, FloatArray]()
@@ -243,11 +197,13 @@ class RouteTracer:
                 if len(route.facets) and plan.scene.slabs is not None:
                     known_crossed = zip(crossed[one], crossed[other], strict=True)
                     none = Crossings.none(len(mesh))
-                    own = tuple(tuple((each or none).take(route.facets) for each in pair) for pair in known_crossed)
-                    route = replace(route, crossed=own)
+                    legs_crossed = tuple(
+                        ((there or none).take(route.facets), (here or none).take(route.facets)) for there, here in known_crossed
+                    )
+                    route = replace(route, crossed=legs_crossed)
                 if len(route.facets):
                     found.append((one != other, route))
-        kept = self._significant(plan, samples, poses, [each for _, each in found], bounds)
+        kept = significant_facets(plan, [samples[k] for k in poses], [each for _, each in found], bounds)
         both = []
         for (differ, _), route in zip(found, kept, strict=True):
             if len(route.facets):
@@ -257,58 +213,11 @@ class RouteTracer:
                     both.append(replace(route, out=route.back, back=route.out, crossed=swapped))
         return both
 
-    def _strong(
-        self, plan: RunPlan, samples: Sequence[Sample], poses: Sequence[int], plates: Sequence[Sequence[Plate | None]],
-        keys: set[RouteKey], bounds: ReturnBounds,
-    ) -> set[RouteKey]:  # fmt: skip
-        """The routes of `keys` without the weakest, by bounds of all facets in their windows, visible or not."""
-        if len(keys) < FEW_ROUTES or plan.settings.omitted <= 0 or not plan.cull:
-            return keys
-        scene, mesh = plan.scene, plan.mesh
-        ordered, direct = sorted(keys), Leg(())
-        energy = np.zeros((len(ordered), len(scene.group)))
-        level = np.zeros(len(scene.group))
-        for k in poses:
-            sample = samples[k]
-            centroids = mesh.centroids(sample.points, np.arange(len(mesh)))
-            size = np.linalg.norm(sample.points[mesh.meshes.corners] - centroids[:, None], axis=2).max(axis=1)
-            level = np.maximum(level, self._energies(plan, sample, np.arange(len(mesh)), sample.visible, direct, direct, bounds))
-            legs: dict[LegKey, Leg | None] = {(): direct}
-            reached: dict[LegKey, NDArray[np.bool_]] = {(): sample.visible > 0}
-            for key in {leg for pair in ordered for leg in pair if leg}:
-                leg = legs[key] = leg_of(key, plates[k])
-                if leg is not None:
-                    reached[key] = (centroids @ leg.planes[:, :3].T - leg.planes[:, 3] >= -size[:, None]).all(axis=1)
-            for row, (one, other) in enumerate(ordered):
-                out, back = legs[one], legs[other]
-                if out is not None and back is not None:
-                    some = np.flatnonzero(reached[one] & reached[other])
-                    visible = self.reflectors.role_weights(self._owners(plan, some), one, other)
-                    found = self._energies(plan, sample, some, visible, out, back, bounds)
-                    energy[row] = np.maximum(energy[row], found * (1.0 if one == other else 4.0))
-        share = (energy / np.maximum(np.maximum(level, energy.max(axis=0, initial=0.0)), 1e-300)).max(axis=1)
-        order = np.argsort(share)
-        weak = np.cumsum(np.sqrt(share[order])) <= OMITTED_SHARE * scene.rtol
-        return {ordered[row] for row in order[~weak]}
-
-    def _energies(
-        self, plan: RunPlan, sample: Sample, facets: NDArray[np.intp], visible: FloatArray, out: Leg, back: Leg,
-        bounds: ReturnBounds,
-    ) -> FloatArray:  # fmt: skip
-        """(group,) energy of the bounds of some `facets` of shares `visible` (facet,)."""
-        scene, mesh, bound = plan.scene, plan.mesh, np.zeros(len(facets))
-        centroids = mesh.centroids(sample.points, facets)
-        gain = bounds.gain(out, centroids) * bounds.gain(back, centroids)
-        bound_returns(
-            sample.points, mesh.meshes.corners, mesh.faces, mesh.group, sample.normals, mesh.face_of, facets, visible, gain,
-            scene.wavenumber, out.view, back.view, bound,
-        )  # fmt: skip
-        return np.bincount(scene.group[mesh.facet_surface[facets]], bound**2, len(scene.group))
-
-    def _owners(self, plan: RunPlan, facets: NDArray[np.intp]) -> IntArray:
-        """(facet,) planar part of some facets, -1 for none."""
+    def _weights(self, plan: RunPlan, facets: NDArray[np.intp], out: LegKey, back: LegKey) -> FloatArray:
+        """(facet,) weight of the roles of some facets on a route."""
         first = np.array([each.first_facet for each in plan.scene.surfaces])[plan.mesh.facet_surface[facets]]
-        return np.asarray(self.reflectors.owner[first + plan.mesh.face_in_surface[facets]])
+        own = self.reflectors.owner[first + plan.mesh.face_in_surface[facets]]
+        return self.reflectors.role_weights(own, out, back)
 
     def _fractions(
         self, plan: RunPlan, leg: Leg, points: Sequence[FloatArray]
@@ -328,7 +237,7 @@ class RouteTracer:
         """Facets of one route, with the `share` (knot, facet) that both legs show."""
         scene, mesh = plan.scene, plan.mesh
         facets = np.flatnonzero(share.any(axis=0))
-        visible = share[:, facets] * self.reflectors.role_weights(self._owners(plan, facets), *key)
+        visible = share[:, facets] * self._weights(plan, facets, *key)
         bound = np.zeros(len(facets))
         for k, sample in enumerate(samples):
             centroids = mesh.centroids(sample.points, facets)
@@ -336,38 +245,9 @@ class RouteTracer:
             length = np.linalg.norm(centroids - out.view, axis=1) + np.linalg.norm(centroids - back.view, axis=1)
             visible[k, 0.5 * length >= scene.max_range] = 0.0
             if k in poses:
-                gain = bounds.gain(out, centroids) * bounds.gain(back, centroids)
-                bound_returns(
-                    sample.points, mesh.meshes.corners, mesh.faces, mesh.group, sample.normals, mesh.face_of, facets,
-                    visible[k], gain, scene.wavenumber, out.view, back.view, bound,
-                )  # fmt: skip
+                raise_bounds(plan, sample, facets, visible[k], (out, back), bounds, bound)
         bound[visible.max(axis=0, initial=0.0) <= 0] = 0.0
         return Route(*legs, facets, visible, bound)
-
-    def _significant(
-        self, plan: RunPlan, samples: Sequence[Sample], poses: Sequence[int], routes: Sequence[Route], bounds: ReturnBounds
-    ) -> list[Route]:
-        """The `routes` with the facets that matter beside all others and the direct returns."""
-        scene, mesh = plan.scene, plan.mesh
-        direct = np.flatnonzero(np.max([each.visible for each in samples], axis=0))
-        bound, leg = np.zeros(len(direct)), Leg(())
-        for k in poses:
-            gain = bounds.gain(leg, mesh.centroids(samples[k].points, direct)) ** 2
-            bound_returns(
-                samples[k].points, mesh.meshes.corners, mesh.faces, mesh.group, samples[k].normals, mesh.face_of, direct,
-                samples[k].visible[direct], gain, scene.wavenumber, leg.view, leg.view, bound,
-            )  # fmt: skip
-        facets = np.concatenate([direct, *(each.facets for each in routes)])
-        every = np.concatenate([bound, *(each.bound for each in routes)])
-        omitted = plan.settings.omitted if plan.cull else 0.0
-        chosen = np.zeros(len(every), np.bool_)
-        chosen[significant(every, scene.group[mesh.facet_surface[facets]], len(scene.group), omitted)] = True
-        found, first = [], len(direct)
-        for each in routes:
-            own = chosen[first : first + len(each.facets)]
-            first += len(each.facets)
-            found.append(each.take(np.flatnonzero(own)))
-        return found
 
     def _bounds(self, plan: RunPlan) -> ReturnBounds:
         band = plan.scene.band
@@ -386,7 +266,7 @@ class RouteTracer:
     def _pattern(self, plan: RunPlan, route: Route, k: int, centroids: FloatArray) -> FloatArray:
         """(path,) two-way field gain at knot `k`."""
         gain = plan.scene.band.pattern_gain
-        return np.sqrt(gain(route.out[k].departures(centroids)) * gain(route.back[k].departures(centroids)))
+        return np.asarray(np.sqrt(gain(route.out[k].departures(centroids)) * gain(route.back[k].departures(centroids))))
 
     def _integrated(
         self, plan: RunPlan, sample: Sample, k: int, route: Route, table: FloatArray, some: NDArray[np.intp] | slice = slice(None)
@@ -417,7 +297,7 @@ class RouteTracer:
                 mirrors[:, side, place] = media[:, self.reflectors.parts[mirror.part].surface]
         planes = [out.planes] if out is back else [out.planes, back.planes]
         return LegTables.direct()._replace(
-            views=np.stack([out.view, back.view]), count=np.array([len(out.mirrors), len(back.mirrors)], np.int32),
+            views=np.stack([out.view, back.view]), mirrors=np.array([len(out.mirrors), len(back.mirrors)], np.int32),
             normals=normals, media=mirrors, planes=np.concatenate(planes),
         )  # fmt: skip
 
@@ -431,8 +311,8 @@ class RouteTracer:
             legs = [leg_of(key, plates, sided=False) or now[0] for key, now in zip(keys, (route.out, route.back), strict=True)]
             points = plan.mesh.points(plan.scene.positions(t + step), band.viewpoint)
             found = np.empty((*(len(each) for each in elements), len(route.facets), 1))
-            images = [leg.image(each) for leg, each in zip(legs, elements, strict=True)]
-            pair_delays(plan.mesh.centroids(points, route.facets)[None], *images, found)
+            out, back = (leg.image(each) for leg, each in zip(legs, elements, strict=True))
+            pair_delays(plan.mesh.centroids(points, route.facets)[None], out, back, found)
             ends.append(found)
         return np.asarray((ends[1] - ends[0]) / (2 * RATE_STEP))
 
@@ -473,7 +353,7 @@ class _RouteCheck:
         for route, facets in zip(self._routes, self._facets, strict=True):
             centroids = self._plan.mesh.centroids(self._sample.points, facets)
             ends = route.out[self._k].image(tx)[one], route.back[self._k].image(rx)[other]
-            length = sum(np.linalg.norm(centroids - each[:, None], axis=2) for each in ends)
+            length = np.sum([np.linalg.norm(centroids - each[:, None], axis=2) for each in ends], axis=0)
             cycles = band.frequency(u)[:, None] * length / SPEED_OF_LIGHT
             pattern = self._tracer._pattern(self._plan, route, self._k, centroids)
             found.append(np.exp(-2j * np.pi * (cycles - np.rint(cycles))) * pattern)

@@ -45,8 +45,11 @@ class SlabScene:
             (slabs if transmits[number] else opaque).append(corners)
             if transmits[number]:
                 surface.append(np.full(len(corners), number, np.int32))
-        joined = (np.ascontiguousarray(np.concatenate(each)) for each in (opaque, slabs, surface))
-        return SlabScene(table, Occluders(*joined, len(static), tuple(transmits[len(static) :].tolist())), half_band)
+        moving_slabs = tuple(transmits[len(static) :].tolist())
+        occluders = Occluders(
+            np.concatenate(opaque), np.concatenate(slabs), np.concatenate(surface), len(static), moving_slabs
+        )
+        return SlabScene(table, occluders, half_band)
 
     def leg_tables(self, legs: tuple[Crossings, Crossings], frequency: FloatArray) -> dict[str, Any]:
         """Entries of :class:`rfgen_sionna.tracing.integral.leg_fields.LegTables` at node frequencies (node,) [Hz]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
-from rfgen_sionna.tracing.direct.run_plan import RunPlan, RunScene
+from rfgen_sionna.tracing.direct.run_plan import RunPlan
+from rfgen_sionna.tracing.direct.run_scene import RunScene
 from rfgen_sionna.tracing.routes.legs import Leg
 from rfgen_sionna.tracing.routes.route_trace import Route, RouteTracer
 from rfgen_sionna.tracing.static.actor_shadows import StaticIndirectPaths
@@ -81,13 +83,14 @@ def trace_static_routes(
     if not found:
         return None
     paths = RadarPaths.concatenate([tracer.paths(plan, now, [sample], each, names) for each in found])
-    starts, ends, samples, owners = [], [], [], []
+    starts, ends = list[FloatArray](), list[FloatArray]()
+    samples, owners = list[NDArray[np.intp]](), list[NDArray[np.intp]]()
     first_path = first_sample = 0
     for each in found:
         points, owner = _points(each.route, sample.points[plan.mesh.meshes.corners[each.route.facets]])
         for leg in (each.route.out[0], each.route.back[0]):
             places = _polyline(leg, points)
-            for here, there in zip(places[:-1], places[1:], strict=True):
+            for here, there in pairwise(places):
                 starts.append(here + scene.band.viewpoint)
                 ends.append(there + scene.band.viewpoint)
                 samples.append(first_sample + np.arange(len(points)))
@@ -97,8 +100,8 @@ def trace_static_routes(
     if surfaces.moving:
         still = [(np.zeros((int(each.faces.max()) + 1, 3)), each.faces) for each in surfaces.moving]
         actors = RayScene([], still, origin=scene.band.viewpoint)
-    joined = [np.concatenate(each) for each in (starts, ends, samples, owners)]
-    return StaticRoutes(paths, 0.0, 0, joined[0], joined[1], joined[2], joined[3], actors)
+    lines, whose = (np.concatenate(starts), np.concatenate(ends)), (np.concatenate(samples), np.concatenate(owners))
+    return StaticRoutes(paths, 0.0, 0, *lines, *whose, actors)
 
 
 def _points(route: Route, corners: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
