@@ -40,8 +40,8 @@ class TraceReport(ShortRepr):
 
     Measured against finer settings for direct returns of actors (:mod:`rfgen_sionna.tracing.direct.run_plan`). Specular
     double bounces add omitted returns and the error of geometrical optics
-    (:mod:`rfgen_sionna.tracing.curved.stationary_phase_error`), which no smaller `rtol` reduces. Routes have the settings of
-    direct returns; the diffraction at the outlines of mirrors is not part of it.
+    (:mod:`rfgen_sionna.tracing.curved.stationary_phase_error`), which no smaller `rtol` reduces. Routes have the
+    settings of direct returns; the diffraction at the outlines of mirrors is not part of it.
     """
     time_error: float
     """Estimated error between the sample times and between the knots: the larger of that of actors and that of the

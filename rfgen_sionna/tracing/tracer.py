@@ -293,7 +293,8 @@ class Tracer:
         return Traced(self._static_paths, find_shadows, paths, None, report, traced.centroids, none)
 
     def _add_routes(self, run: TraceRun, t: float) -> None:
-        """Give a `run` the tracers of indirect paths of the actors, whose planar parts are those of the time `t` [s]."""
+        """Give a `run` the tracers of indirect paths of the actors, whose planar parts are those of the time `t`
+        [s]."""
         surfaces, radar = self.surfaces, self.radar
         given = surfaces, self._vertices(t), self._viewpoint, radar.wavelength, self.max_bounces
         run.routes = routes = RouteTracer(*given)

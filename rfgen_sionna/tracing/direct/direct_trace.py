@@ -76,8 +76,8 @@ def trace_direct(
     names: tuple[tuple[str, ...], tuple[str, ...]],
     routes: Routes | None = None,
 ) -> DirectTrace:
-    """Paths from `start` to `stop` [s], with as many knots as the motion demands; `names` are those of objects and parts,
-    `routes` are further ones."""
+    """Paths from `start` to `stop` [s], with as many knots as the motion demands; `names` are those of objects and
+    parts, `routes` are further ones."""
     scene = plan.scene
     count = plan.knots if stop > start else 1
     known: dict[float, Sample] = {}

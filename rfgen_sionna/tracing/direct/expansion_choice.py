@@ -39,7 +39,8 @@ def node_table(nodes: Nodes) -> FloatArray:
 
 
 def choose_expansion(expansions: ArrayExpansions, checks: Sequence[Check], rtol: float, tolerance: float) -> Expansion:
-    """Smallest expansion whose error is at most `tolerance`, relative to each group's return; `rtol` is for the warning."""
+    """Smallest expansion whose error is at most `tolerance`, relative to each group's return; `rtol` is for the
+    warning."""
     outer = expansions.representative()
     known: dict[tuple[bytes, bytes, int], tuple[ComplexArray, ComplexArray]] = {}
 
@@ -53,7 +54,8 @@ def choose_expansion(expansions: ArrayExpansions, checks: Sequence[Check], rtol:
             off = (expanded(tried, check.values(node_table(tried.nodes)), u, pairs) - truth) * waves
             count = len(check.least)
             missed, whole = (
-                np.sqrt((np.abs(group_sums(each, check.group, count)) ** 2).mean(axis=0)) for each in (off, truth * waves)
+                np.sqrt((np.abs(group_sums(each, check.group, count)) ** 2).mean(axis=0))
+                for each in (off, truth * waves)
             )
             strongest = np.zeros(count)
             np.maximum.at(strongest, check.group, np.abs(truth * waves).max(axis=0))

@@ -20,13 +20,14 @@ def bound_returns(
     points: Any, corners: Any, faces: Any, group: Any, normals: Any, face_of: Any, chosen: Any, visible: Any, gain: Any,
     wavenumber: float, tx: Any, rx: Any, bounds: Any,
 ) -> None:  # fmt: skip
-    """Raise `bounds` (chosen,) to the largest return of each of the `chosen` facets [1/m^2 of area over distance squared].
+    """Raise `bounds` (chosen,) to the largest return of each of the `chosen` facets [1/m^2 of area over distance
+    squared].
 
-    With phases d = k times the differences of the corners' distances from `tx` and `rx` (3,) [m] together, the mean phasor of a triangle is at most 2 / (the
-    largest d times the second largest), and 1. Edges of smooth facets bend: their slopes reach four sagittas more.
-    `points` (vertex, 3) and `corners` (facet, 3) are those of flat facets, the others those of
-    :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`; `gain` (chosen,) is the pattern gain, `wavenumber` is in
-    rad/m.
+    With phases d = k times the differences of the corners' distances from `tx` and `rx` (3,) [m] together, the mean
+    phasor of a triangle is at most 2 / (the largest d times the second largest), and 1. Edges of smooth facets bend:
+    their slopes reach four sagittas more. `points` (vertex, 3) and `corners` (facet, 3) are those of flat facets, the
+    others those of :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`; `gain` (chosen,) is the pattern gain,
+    `wavenumber` is in rad/m.
     """
     for q in range(chosen.shape[0]):
         if visible[q] <= 0.0:
@@ -70,8 +71,8 @@ def bound_returns(
 
 
 def significant(bounds: FloatArray, surface: IntArray, count: int, omitted: float) -> NDArray[np.intp]:
-    """Indices, ascending, of all but the weakest facets of each of `count` surfaces, by `bounds` (facet,); the energy of
-    the omitted bounds is at most the share `omitted` of all."""
+    """Indices, ascending, of all but the weakest facets of each of `count` surfaces, by `bounds` (facet,); the energy
+    of the omitted bounds is at most the share `omitted` of all."""
     energy = bounds**2
     total = np.bincount(surface, energy, count)
     order = np.lexsort((energy, surface))

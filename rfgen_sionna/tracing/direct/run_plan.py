@@ -118,8 +118,8 @@ class RunPlan:
     def delays(
         self, samples: Sequence[Sample], chosen: NDArray[np.intp], centroids: FloatArray, only_first: bool = False
     ) -> FloatArray:
-        """(tx, rx, chosen, time) delays [s] by `centroids` (time, chosen, 3) [m] relative to the viewpoint, or those of the
-        first pair only, (1, 1, chosen, time)."""
+        """(tx, rx, chosen, time) delays [s] by `centroids` (time, chosen, 3) [m] relative to the viewpoint, or those of
+        the first pair only, (1, 1, chosen, time)."""
         band, slabs = self.scene.band, self.scene.slabs
         some = slice(1) if only_first else slice(None)
         tx, rx = (np.ascontiguousarray(each[some] - band.viewpoint) for each in band.elements)
@@ -265,7 +265,8 @@ class _DirectCheck:
 
 
 def _with_knots(plan: RunPlan, starts: Sequence[float], length: float) -> RunPlan:
-    """The plan with the fewest knots per interval of `length` [s] that meet the tolerance in intervals from `starts`."""
+    """The plan with the fewest knots per interval of `length` [s] that meet the tolerance in intervals from
+    `starts`."""
     allowed = SAFETY * TIME_PER_RTOL * plan.scene.rtol
     count = first_count(plan, length)
     measured = [_time_error(plan, start, length, count) for start in starts]

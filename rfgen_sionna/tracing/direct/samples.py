@@ -44,9 +44,9 @@ class Sample:
 
 @dataclass(frozen=True)
 class Sampler:
-    """Samples the facets of a `mesh` with vertices at `positions`, seen from the `viewpoint` (3,) [m] within `max_range`
-    [m], with `resolution` pixels along a surface. Facets at rest, with corners `static` (facet, 3, 3) [m] relative to the
-    viewpoint, occlude and are occluded."""
+    """Samples the facets of a `mesh` with vertices at `positions`, seen from the `viewpoint` (3,) [m] within
+    `max_range` [m], with `resolution` pixels along a surface. Facets at rest, with corners `static` (facet, 3, 3) [m]
+    relative to the viewpoint, occlude and are occluded."""
 
     mesh: FacetMesh
     positions: Positions
@@ -153,8 +153,8 @@ def integrate(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def pair_delays(centroids: Any, tx: Any, rx: Any, delays: Any) -> None:
-    """Delays [s] into `delays` (tx, rx, facet, knot) by `centroids` (knot, facet, 3) [m] of elements `tx` (tx, 3) and `rx`
-    (rx, 3) [m]."""
+    """Delays [s] into `delays` (tx, rx, facet, knot) by `centroids` (knot, facet, 3) [m] of elements `tx` (tx, 3) and
+    `rx` (rx, 3) [m]."""
     knots, count = centroids.shape[0], centroids.shape[1]
     senders, receivers = tx.shape[0], rx.shape[0]
     out, back = np.empty(senders), np.empty(receivers)

@@ -11,8 +11,8 @@ NEIGHBOURS = 4
 
 
 def leave_one_out(count: int) -> FloatArray:
-    """(inner, count) weights of the values at `count` evenly spaced knots: each inner one less the polynomial through its
-    nearest neighbours."""
+    """(inner, count) weights of the values at `count` evenly spaced knots: each inner one less the polynomial through
+    its nearest neighbours."""
     weights = np.zeros((max(count - 2, 0), count))
     for k, row in enumerate(weights, 1):
         first = min(max(k - NEIGHBOURS // 2, 0), max(count - NEIGHBOURS - 1, 0))

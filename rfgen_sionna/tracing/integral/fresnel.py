@@ -97,8 +97,8 @@ def transverse(field: Any, k: Any) -> Any:
 
 @njit(fastmath=FAST, error_model="numpy")
 def _received(field: Any, direction: Any, electric: Any, current: Any) -> Any:
-    """Half of e_out . (k_out x (E x n) + k_out x (k_out x (n x eta H))), the Stratton-Chu integrand, of a `field` along a
-    `direction`."""
+    """Half of e_out . (k_out x (E x n) + k_out x (k_out x (n x eta H))), the Stratton-Chu integrand, of a `field` along
+    a `direction`."""
     return 0.5 * (dot(field, electric) + dot(current, cross(direction, field)))
 
 

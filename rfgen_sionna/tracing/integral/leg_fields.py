@@ -1,7 +1,7 @@
 """Fields of elements that arrive at a facet by way of mirrors and slabs, in scalar kernels.
 
-An element behind a plane mirror of normal n has an image with the field f - 2 (f . n) n. For the image's direction k, the
-transverse part e of its field, and a = k x n the mirror reflects
+An element behind a plane mirror of normal n has an image with the field f - 2 (f . n) n. For the image's direction k,
+the transverse part e of its field, and a = k x n the mirror reflects
 
     -r_p e + (r_s + r_p) (e . a) a / |a|^2
 
@@ -9,8 +9,8 @@ and a slab transmits t_p e + (t_s - t_p) (e . a) a / |a|^2 with (ITU-R P.2040, e
 
     T = (1 - r^2) exp(-j q) / (1 - r^2 exp(-2 j q)),   q = k d sqrt(eps mu - sin^2).
 
-Both are smooth through normal incidence and the same for both senses of k. The delay of a slab's bulk, d sqrt(Re eps mu -
-sin^2) / c at the middle of the band, is part of the path's delay; the rest of the phase is the gain's.
+Both are smooth through normal incidence and the same for both senses of k. The delay of a slab's bulk, d sqrt(Re eps mu
+- sin^2) / c at the middle of the band, is part of the path's delay; the rest of the phase is the gain's.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ def _by_polarisation(field: Any, across: Any, s: complex, p: complex) -> Any:
 
 @njit(fastmath=FAST, error_model="numpy")
 def transmission(eps: complex, mu: complex, electric: float, inner: float, cosine: float, sine2: float) -> Any:
-    """T of s and p polarisation of a slab of thickness times wavenumber `electric`; `inner` is 1 with reflections between
-    the faces, else 0."""
+    """T of s and p polarisation of a slab of thickness times wavenumber `electric`; `inner` is 1 with reflections
+    between the faces, else 0."""
     c = max(cosine, 1e-9)
     root = np.sqrt(eps * mu - sine2)
     if root.imag > 0.0:
@@ -157,8 +157,8 @@ def leg_obliquity(
     medium: Any, wavenumber: float, normal: Any, point: Any, tx: Any, rx: Any, direction: Any, tx_field: Any, rx_field: Any,
     legs: Any, node: int, q: int,
 ) -> complex:  # fmt: skip
-    """Obliquity over the product of the distances [1/m^2] at a `point` of facet `q`, per cosine to the `direction`, with
-    images `tx` and `rx` [m] of the elements."""
+    """Obliquity over the product of the distances [1/m^2] at a `point` of facet `q`, per cosine to the `direction`,
+    with images `tx` and `rx` [m] of the elements."""
     from_tx, to_rx = minus(point, tx), minus(rx, point)
     spread = norm(from_tx) * norm(to_rx)
     if spread < _MIN_DISTANCE**2:

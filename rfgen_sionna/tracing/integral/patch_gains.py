@@ -4,12 +4,13 @@ With the Tx element at distance R_t, the Rx element at R_r and k = 2 pi f / c th
 
     a = (j / 4 pi) F A / (R_t R_r) <exp(-j k (R_t + R_r))>
 
-A is the area, <.> the mean over the facet, and F the obliquity (:mod:`rfgen_sionna.tracing.integral.fresnel`). At normal
-incidence on metal F = -1: an infinite mirror at distance d has the image-theory gain -lambda / (4 pi 2 d) exp(-j 2 k d).
+A is the area, <.> the mean over the facet, and F the obliquity (:mod:`rfgen_sionna.tracing.integral.fresnel`). At
+normal incidence on metal F = -1: an infinite mirror at distance d has the image-theory gain -lambda / (4 pi 2 d) exp(-j
+2 k d).
 
-The middle of an edge between corners with normals n_i, n_k is displaced by a circle's sagitta, a facet by the quadratic of
-its three edges (:mod:`rfgen_sionna.tracing.surface.smoothing`). A facet is divided until the quadratic part of the phase
-on each piece is small (:func:`rfgen_sionna.tracing.integral.phasor_moments.mean_phasor`).
+The middle of an edge between corners with normals n_i, n_k is displaced by a circle's sagitta, a facet by the quadratic
+of its three edges (:mod:`rfgen_sionna.tracing.surface.smoothing`). A facet is divided until the quadratic part of the
+phase on each piece is small (:func:`rfgen_sionna.tracing.integral.phasor_moments.mean_phasor`).
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from rfgen_sionna.tracing.integral.fresnel import cross, dot, minus, norm, obliquity, plus, scaled
-from rfgen_sionna.tracing.integral.leg_fields import leg_obliquity
+from rfgen_sionna.tracing.integral.fresnel import cross, dot, minus, norm, obliquity, plus, scaled, unit
+from rfgen_sionna.tracing.integral.leg_fields import leg_obliquity, slab_length
 from rfgen_sionna.tracing.integral.phasor_moments import FAST, mean_phasor
 
 MAX_PARTS = 8
@@ -45,7 +46,8 @@ def _edge_sagitta(normals: Any, g: int, h: int, chord: Any) -> tuple[float, floa
 
 @njit(fastmath=FAST, error_model="numpy")
 def _on_patch(a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, u: float, v: float, w: float) -> tuple[float, float, float]:
-    """Point at barycentric coordinates `u`, `v`, `w` of a patch with corners `a`, `b`, `c` and sagittas `r`, `s`, `t`."""
+    """Point at barycentric coordinates `u`, `v`, `w` of a patch with corners `a`, `b`, `c` and sagittas `r`, `s`,
+    `t`."""
     p, q, o = 4.0 * v * w, 4.0 * w * u, 4.0 * u * v
     return (
         u * a[0] + v * b[0] + w * c[0] + p * r[0] + q * s[0] + o * t[0],
@@ -69,6 +71,12 @@ def _path_length(point: Any, t: Any, r: Any, apart: bool) -> float:
 
 
 @njit(fastmath=FAST, error_model="numpy")
+def _slab_path(legs: Any, q: int, point: Any, t: Any, r: Any) -> float:
+    """Delay [m] of the slabs on both legs between a `point` of facet `q` and the images `t` and `r` of the elements."""
+    return slab_length(legs, 0, q, unit(minus(point, t))) + slab_length(legs, 1, q, unit(minus(r, point)))
+
+
+@njit(fastmath=FAST, error_model="numpy")
 def _bisector(point: Any, tx: Any, rx: Any) -> tuple[float, float, float]:
     """Point between `tx` and `rx` that halves the angle at a `point`."""
     to_tx, to_rx = norm(minus(point, tx)), norm(minus(point, rx))
@@ -87,8 +95,8 @@ def _at(patch: Any, ends: Any, x: float, y: float) -> tuple[float, float, float]
 
 @njit(fastmath=FAST, error_model="numpy")
 def _cut(patch: Any, ends: Any, planes: Any, polygon: Any, spare: Any, corners: int) -> int:
-    """Clip a `polygon` (corner, 2), of which so many `corners` are in use, to all half-spaces `planes` (plane, 4), n . x >=
-    d; returns its number of corners. `spare` is of the same shape."""
+    """Clip a `polygon` (corner, 2), of which so many `corners` are in use, to all half-spaces `planes` (plane, 4), n .
+    x >= d; returns its number of corners. `spare` is of the same shape."""
     for m in range(planes.shape[0]):
         n, d = (planes[m, 0], planes[m, 1], planes[m, 2]), planes[m, 3]
         kept = 0
@@ -180,14 +188,15 @@ def patch_gains(
         (vertex, 3) [m] relative to the viewpoint, (face, 3), (face, 3) index of the normal of each corner, -1 on flat
         faces, and (normal, 3).
     face_of, weights
-        (facet,) face of each facet, and (facet, 3, 3) barycentric coordinates of its corners; no weights mean whole faces.
+        (facet,) face of each facet, and (facet, 3, 3) barycentric coordinates of its corners; no weights mean whole
+        faces.
     chosen, visible
         (chosen,) facets to integrate, and (chosen,) visible fraction of each.
     material, single
         (face,) index of the material, and whether only the front of the face returns.
     nodes, fields
-        (node, 7) Tx and Rx position [m] relative to the viewpoint and wavenumber [rad/m], nodes of one pair in turn; (2, 3)
-        electric field of Tx and Rx.
+        (node, 7) Tx and Rx position [m] relative to the viewpoint and wavenumber [rad/m], nodes of one pair in turn;
+        (2, 3) electric field of Tx and Rx.
     media
         (node, material, 7) of :func:`rfgen_sionna.tracing.integral.fresnel.media_table`.
     bistatic
@@ -259,8 +268,8 @@ def patch_gains(
         if size <= 0.0:
             continue
         facing = scaled(facing, 1.0 / size)
-        # Pieces along an edge, by the quadratic phase in the middle of the facet's edges; the same for all nodes, so that
-        # gains are smooth over band and array.
+        # Pieces along an edge, by the quadratic phase in the middle of the facet's edges; the same for all nodes, so
+        # that gains are smooth over band and array.
         middles = (
             _on_patch(a, b, c, r, s, t, 0.5 * (u1 + u2), 0.5 * (v1 + v2), 0.5 * (w1 + w2)),
             _on_patch(a, b, c, r, s, t, 0.5 * (u2 + u0), 0.5 * (v2 + v0), 0.5 * (w2 + w0)),
@@ -320,6 +329,13 @@ def patch_gains(
                             _store(lattice, m, p)
                             path[m] = _path_length(p, here, there, apart) - base
                             m += 1
+                if routed:  # slabs by their delay at each point; their coefficients are those in the middle
+                    slabs = _slab_path(legs, q, top, here, there)
+                    for m in range(3 if parts == 1 else (2 * parts + 1) * (parts + 1)):
+                        point = (lattice[m, 0], lattice[m, 1], lattice[m, 2])
+                        path[m] += _slab_path(legs, q, point, here, there) - slabs
+                        if parts == 1:
+                            path[3 + m] += _slab_path(legs, q, middles[m], here, there) - slabs
                 before = n
             start, end = (nodes[n, 0], nodes[n, 1], nodes[n, 2]), (nodes[n, 3], nodes[n, 4], nodes[n, 5])
             if routed:

@@ -54,8 +54,8 @@ def leg_of(key: LegKey, plates: Sequence[Plate | None], sided: bool = True) -> L
 
 
 class ReturnBounds:
-    """Bounds of the reflection, spreading and pattern gain of legs. `pattern_gain` is the two-way field gain towards unit
-    vectors, `media` (node, surface, 7) at `wavenumbers` (node,), `surface` (part,) the surface of each part."""
+    """Bounds of the reflection, spreading and pattern gain of legs. `pattern_gain` is the two-way field gain towards
+    unit vectors, `media` (node, surface, 7) at `wavenumbers` (node,), `surface` (part,) the surface of each part."""
 
     def __init__(
         self, pattern_gain: Callable[[FloatArray], FloatArray], media: FloatArray, wavenumbers: FloatArray,
@@ -85,8 +85,8 @@ def significant_routes(
     rtol: float,
     group: IntArray,
 ) -> set[RouteKey]:
-    """Routes, with the smaller leg first, that may matter for one of the `surfaces` (vertex, 3) [m]: all but the weakest,
-    whose bounds add to a share of the tolerance, relative to the direct return of the `group` (surface,)."""
+    """Routes, with the smaller leg first, that may matter for one of the `surfaces` (vertex, 3) [m]: all but the
+    weakest, whose bounds add to a share of the tolerance, relative to the direct return of the `group` (surface,)."""
     points, margins, number = [], [], []
     for index, own in enumerate(surfaces):
         some = own[:: max(1, len(own) // SAMPLES)]
@@ -118,7 +118,10 @@ def significant_routes(
             corners = np.concatenate(plate.windows)
             size, whole = np.full(len(corners), _extent(corners)), np.zeros(len(corners), np.intp)
             further = leg_of((one, other), plates) if len(_reached(leg, corners, size, whole)) else None
-            if further is not None and (further.mirrors[1].height(np.concatenate(leg.mirrors[0].windows)) > ON_MIRROR).any():
+            if (
+                further is not None
+                and (further.mirrors[1].height(np.concatenate(leg.mirrors[0].windows)) > ON_MIRROR).any()
+            ):
                 add((one, other), further)
     routes, strength = [], []
     for out, back in combinations_with_replacement(sorted(amplitude, key=lambda key: (len(key), key)), 2):
@@ -135,8 +138,8 @@ def significant_routes(
 
 
 def _reached(leg: Leg, points: FloatArray, margin: FloatArray, surface: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Indices of the `points` (point, 3) within `margin` (point,) [m] of the space that the mirrors of a `leg` show, of each
-    `surface` (point,) that is before the last one."""
+    """Indices of the `points` (point, 3) within `margin` (point,) [m] of the space that the mirrors of a `leg` show, of
+    each `surface` (point,) that is before the last one."""
     last = leg.mirrors[-1]
     height = last.height(points)
     before = np.zeros(int(surface.max(initial=0)) + 1, np.bool_)

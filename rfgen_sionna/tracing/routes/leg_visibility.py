@@ -81,13 +81,17 @@ class Crossings:
 
 
 def see_along(
-    leg: Leg, meshes: Meshes, points: Sequence[FloatArray], occluders: Occluders, resolution: int,
+    leg: Leg,
+    meshes: Meshes,
+    points: Sequence[FloatArray],
+    occluders: Occluders,
+    resolution: int,
     normals: Callable[[FloatArray, slice], FloatArray],
 ) -> tuple[FloatArray, list[Crossings]]:
-    """(time, facet) visible share of the part of each facet that the mirrors of a `leg` show, in common views of all times,
-    and with slabs the crossings at each time. `points` (vertex, 3) [m] are those of each time; the largest side of the
-    smallest surface has `resolution` pixels. Ragged mirrors: of the whole facet. `normals` returns those at the corners of
-    some facets, (facet, 3, 3), for the points."""
+    """(time, facet) visible share of the part of each facet that the mirrors of a `leg` show, in common views of all
+    times, and with slabs the crossings at each time. `points` (vertex, 3) [m] are those of each time; the largest side
+    of the smallest surface has `resolution` pixels. Ragged mirrors: of the whole facet. `normals` returns those at the
+    corners of some facets, (facet, 3, 3), for the points."""
     there = [each - leg.view for each in points]
     if leg.mirrors:
         view = _view(leg, meshes, there, resolution)
@@ -126,23 +130,28 @@ class _Counts:
         """For `count` facets."""
         pixels, seen, looked = np.zeros((3, count), np.int32)
         none = np.full((count, MAX_SLABS), -1, np.int32)
-        return _Counts(
-            pixels, seen, looked, none, none.copy(), np.zeros(none.shape), np.zeros((*none.shape, 3))
-        )
+        return _Counts(pixels, seen, looked, none, none.copy(), np.zeros(none.shape), np.zeros((*none.shape, 3)))
 
     def crossings(self) -> Crossings:
         """Shares and unit normals."""
         normals = self.across / np.maximum(np.linalg.norm(self.across, axis=-1, keepdims=True), 1e-12)
         cover = self.cover / np.maximum(self.looked, 1)[:, None]
         depth = max(int((self.surface >= 0).any(axis=0).sum()), 1)
-        return Crossings(*(np.ascontiguousarray(each[:, :depth]) for each in (self.surface, self.segment, normals, cover)))
+        return Crossings(
+            *(np.ascontiguousarray(each[:, :depth]) for each in (self.surface, self.segment, normals, cover))
+        )
 
 
 class _Buffer:
     """Item buffer of one view along a `leg`, in which what is at rest is drawn once."""
 
     def __init__(
-        self, leg: Leg, view: View, meshes: Meshes, occluders: Occluders, normals: Callable[[FloatArray, slice], FloatArray]
+        self,
+        leg: Leg,
+        view: View,
+        meshes: Meshes,
+        occluders: Occluders,
+        normals: Callable[[FloatArray, slice], FloatArray],
     ) -> None:
         self._normals = normals
         self._leg, self._view, self._meshes, self._occluders = leg, view, meshes, occluders
@@ -164,7 +173,9 @@ class _Buffer:
             self._draw(shown, _triples(len(opaque[1])), opaque[1], _OCCLUDER, segment, self._before)
         transmits = occluders.transmits or (False,) * len(meshes.facet_range)
         ranges = [slice(*each) for each in meshes.facet_range.tolist()]
-        self._opaque = [each for each, slab in zip(ranges, transmits, strict=True) if not slab and each.stop > each.start]
+        self._opaque = [
+            each for each, slab in zip(ranges, transmits, strict=True) if not slab and each.stop > each.start
+        ]
         self._slabs = [
             (each, number) for number, (each, slab) in enumerate(zip(ranges, transmits, strict=True))
             if slab and each.stop > each.start
@@ -214,7 +225,9 @@ class _Buffer:
         still = rest.slabs.reshape(-1, 3), _triples(len(rest.slabs))
         edges = rest.slabs[:, 1:] - rest.slabs[:, :1]
         across = np.cross(edges[:, 0], edges[:, 1])
-        across = np.repeat((across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30))[:, None], 3, axis=1)
+        across = np.repeat(
+            (across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30))[:, None], 3, axis=1
+        )
         slabs_moving = [
             (meshes.corners[facets], self._normals(real, facets), np.full(facets.stop - facets.start, rest.first + k, np.int32), k)
             for facets, k in self._slabs
@@ -271,12 +284,14 @@ def _triples(count: int) -> IntArray:
 def _coarser(view: View) -> View:
     """The view with at most `MAX_SLAB_PIXELS`."""
     by = min(float(np.sqrt(MAX_SLAB_PIXELS / (view.shape[0] * view.shape[1]))), 1.0)
-    return replace(view, scale=view.scale * by, shape=(int(np.ceil(view.shape[0] * by)), int(np.ceil(view.shape[1] * by))))
+    return replace(
+        view, scale=view.scale * by, shape=(int(np.ceil(view.shape[0] * by)), int(np.ceil(view.shape[1] * by)))
+    )
 
 
 def _view(leg: Leg, meshes: Meshes, points: Sequence[FloatArray], resolution: int) -> View | None:
-    """View of what the leg's mirrors show of all surfaces at all times; None where they show nothing. `points` (vertex, 3)
-    are relative to the image of the phase centre."""
+    """View of what the leg's mirrors show of all surfaces at all times; None where they show nothing. `points` (vertex,
+    3) are relative to the image of the phase centre."""
     low, high = np.full(2, -MAX_TANGENT), np.full(2, MAX_TANGENT)
     axes = towards(np.concatenate(leg.windows[-1]).mean(axis=0))
     for polygons in leg.windows:

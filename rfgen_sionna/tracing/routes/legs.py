@@ -127,8 +127,8 @@ class Leg:
 
     @cached_property
     def planes(self) -> FloatArray:
-        """(plane, 4) n . x >= d of half-spaces that the leg reaches, relative to the phase centre: the front of the last
-        mirror, and for convex mirrors the sides of the cone from the image through each."""
+        """(plane, 4) n . x >= d of half-spaces that the leg reaches, relative to the phase centre: the front of the
+        last mirror, and for convex mirrors the sides of the cone from the image through each."""
         if not self.mirrors:
             return np.zeros((0, 4))
         last = self.mirrors[-1]
@@ -140,8 +140,8 @@ class Leg:
 
 
 def cone(window: FloatArray) -> FloatArray:
-    """(side, 3) unit normals, inwards, of the sides of the cone from the origin through a polygon `window` (corner, 3)."""
+    """(side, 3) unit normals, inwards, of the sides of the cone from the origin through a polygon `window` (corner,
+    3)."""
     n = np.cross(window, np.roll(window, -1, axis=0))
     n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
     return n if (n @ window.mean(axis=0)).sum() > 0 else -n
-

@@ -1,5 +1,5 @@
-"""Planar parts of surfaces: walls, boards, table tops, sides of corner reflectors. Of two planar parts on a path one is the
-mirror, the other is integrated."""
+"""Planar parts of surfaces: walls, boards, table tops, sides of corner reflectors. Of two planar parts on a path one is
+the mirror, the other is integrated."""
 
 from __future__ import annotations
 

@@ -66,7 +66,8 @@ class Reflectors:
         vertices: Sequence[FloatArray],
         wavelength: float,
     ) -> Reflectors:
-        """Planar parts wide enough to reflect at the `wavelength` [m], with (vertex, 3) `vertices` [m] of each surface."""
+        """Planar parts wide enough to reflect at the `wavelength` [m], with (vertex, 3) `vertices` [m] of each
+        surface."""
         every = (*static, *moving)
         parts = find_planar_parts(every, vertices, min_widths(len(static), len(moving), wavelength))
         return Reflectors(parts, len(static), face_owners(parts, every))
@@ -80,8 +81,8 @@ class Reflectors:
         return [_plate(number, part, vertices[part.surface]) for number, part in enumerate(self.parts)]
 
     def role_weights(self, own: IntArray, out: tuple[int, ...], back: tuple[int, ...]) -> FloatArray:
-        """(facet,) weight of facets on the parts `own` (facet,), -1 for none, by legs of these mirrors. Of two planar parts
-        on a path each is the mirror once, of three the middle one is integrated; static parts have no facets."""
+        """(facet,) weight of facets on the parts `own` (facet,), -1 for none, by legs of these mirrors. Of two planar
+        parts on a path each is the mirror once, of three the middle one is integrated; static parts have no facets."""
         found = np.ones(len(own))
         planar = own >= 0
         if len(out) + len(back) == 1:

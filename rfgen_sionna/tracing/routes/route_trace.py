@@ -39,8 +39,9 @@ CHECKED_FACETS, CHECKED_ROUTES = 300, 12
 
 
 class RouteTracer:
-    """Traces the routes of moving surfaces, which have the positions `plan_positions` (vertex, 3) [m], by mirrors among all
-    `surfaces`; facets at rest occlude. `max_bounces` is at most 3; `through_slabs` adds direct legs through slabs."""
+    """Traces the routes of moving surfaces, which have the positions `plan_positions` (vertex, 3) [m], by mirrors among
+    all `surfaces`; facets at rest occlude. `max_bounces` is at most 3; `through_slabs` adds direct legs through
+    slabs."""
 
     def __init__(self, surfaces: Surfaces, plan_positions: Sequence[FloatArray], viewpoint: FloatArray, wavelength: float,
                  max_bounces: int, through_slabs: bool = False) -> None:  # fmt: skip
@@ -66,8 +67,8 @@ class RouteTracer:
     def trace(
         self, plan: RunPlan, times: FloatArray, samples: Sequence[Sample], level: FloatArray
     ) -> list[RouteReturns]:
-        """Returns at `times` [s] by all routes that matter, from the `samples` at these; `level` (group,) is that of the
-        direct returns."""
+        """Returns at `times` [s] by all routes that matter, from the `samples` at these; `level` (group,) is that of
+        the direct returns."""
         found = self._routes(plan, times, samples)
         if not found:
             return []
@@ -109,9 +110,15 @@ class RouteTracer:
         gains = band.combined(returns.expansion, returns.values)
         ends = []
         for legs in (route.out, route.back):
-            towards = [leg.departures(mesh.centroids(each.points, facets)) for leg, each in zip(legs, samples, strict=True)]
+            towards = [
+                leg.departures(mesh.centroids(each.points, facets)) for leg, each in zip(legs, samples, strict=True)
+            ]
             ends.append(np.ascontiguousarray(np.stack(towards, axis=1)))
-        rate = returns.delays @ knot_weights(times, times, 1).T if len(times) > 1 else self._rate(plan, float(times[0]), route)
+        rate = (
+            returns.delays @ knot_weights(times, times, 1).T
+            if len(times) > 1
+            else self._rate(plan, float(times[0]), route)
+        )
         surface = mesh.facet_surface[facets]
         several = len(gains) > 1
         return RadarPaths(
@@ -156,7 +163,9 @@ class RouteTracer:
         keys: set[RouteKey] = set()
         for k in poses:
             own = [samples[k].points[first:last] for first, last in self._vertex_ranges(plan)]
-            keys |= significant_routes(plates[k], own, bounds, self._max_bounces, scene.max_range, scene.rtol, scene.group)
+            keys |= significant_routes(
+                plates[k], own, bounds, self._max_bounces, scene.max_range, scene.rtol, scene.group
+            )
         at_poses = [(samples[k], plates[k]) for k in poses]
         keys = strong_routes(plan, at_poses, keys, bounds, lambda some, *key: self._weights(plan, some, *key))
         if self._through_slabs and plan.scene.slabs is not None:
@@ -198,7 +207,8 @@ class RouteTracer:
                     known_crossed = zip(crossed[one], crossed[other], strict=True)
                     none = Crossings.none(len(mesh))
                     legs_crossed = tuple(
-                        ((there or none).take(route.facets), (here or none).take(route.facets)) for there, here in known_crossed
+                        ((there or none).take(route.facets), (here or none).take(route.facets))
+                        for there, here in known_crossed
                     )
                     route = replace(route, crossed=legs_crossed)
                 if len(route.facets):
@@ -219,9 +229,7 @@ class RouteTracer:
         own = self.reflectors.owner[first + plan.mesh.face_in_surface[facets]]
         return self.reflectors.role_weights(own, out, back)
 
-    def _fractions(
-        self, plan: RunPlan, leg: Leg, points: Sequence[FloatArray]
-    ) -> tuple[FloatArray, list[Crossings]]:
+    def _fractions(self, plan: RunPlan, leg: Leg, points: Sequence[FloatArray]) -> tuple[FloatArray, list[Crossings]]:
         occluders = self._whole if plan.scene.slabs is None else plan.scene.slabs.occluders
         return see_along(leg, plan.mesh.meshes, points, occluders, plan.settings.resolution, plan.mesh.corner_normals)
 
@@ -253,7 +261,9 @@ class RouteTracer:
         band = plan.scene.band
         frequency = band.frequency(np.array([-1.0, 0.0, 1.0]))
         surface = [part.surface for part in self.reflectors.parts]
-        return ReturnBounds(band.pattern_gain, self._media(plan, frequency), 2 * np.pi * frequency / SPEED_OF_LIGHT, surface)
+        return ReturnBounds(
+            band.pattern_gain, self._media(plan, frequency), 2 * np.pi * frequency / SPEED_OF_LIGHT, surface
+        )
 
     def _media(self, plan: RunPlan, frequency: FloatArray) -> FloatArray:
         """(node, surface, 7) of all surfaces, static ones first."""
@@ -269,7 +279,13 @@ class RouteTracer:
         return np.asarray(np.sqrt(gain(route.out[k].departures(centroids)) * gain(route.back[k].departures(centroids))))
 
     def _integrated(
-        self, plan: RunPlan, sample: Sample, k: int, route: Route, table: FloatArray, some: NDArray[np.intp] | slice = slice(None)
+        self,
+        plan: RunPlan,
+        sample: Sample,
+        k: int,
+        route: Route,
+        table: FloatArray,
+        some: NDArray[np.intp] | slice = slice(None),
     ) -> tuple[ComplexArray, FloatArray]:
         """(node, path) gains at the nodes of a `table` (node, 7) and (path, 3) centroids [m]."""
         out, back = route.out[k], route.back[k]
@@ -308,7 +324,10 @@ class RouteTracer:
         elements = [np.ascontiguousarray(each - band.viewpoint) for each in band.elements]
         for step in (-RATE_STEP, RATE_STEP):
             plates = self._plates(plan, t + step)
-            legs = [leg_of(key, plates, sided=False) or now[0] for key, now in zip(keys, (route.out, route.back), strict=True)]
+            legs = [
+                leg_of(key, plates, sided=False) or now[0]
+                for key, now in zip(keys, (route.out, route.back), strict=True)
+            ]
             points = plan.mesh.points(plan.scene.positions(t + step), band.viewpoint)
             found = np.empty((*(len(each) for each in elements), len(route.facets), 1))
             out, back = (leg.image(each) for leg, each in zip(legs, elements, strict=True))

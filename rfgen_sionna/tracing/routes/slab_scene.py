@@ -34,8 +34,8 @@ class SlabScene:
         half_band: float,
         least: float,
     ) -> SlabScene:
-        """Scene with static `vertices` (vertex, 3) [m] relative to the viewpoint, for a band of `half_band` [Hz] to both
-        sides of `centre` [Hz]. Surfaces transmit that leave more than the amplitude `least`."""
+        """Scene with static `vertices` (vertex, 3) [m] relative to the viewpoint, for a band of `half_band` [Hz] to
+        both sides of `centre` [Hz]. Surfaces transmit that leave more than the amplitude `least`."""
         table = SlabTable.of([each.material for each in (*static, *moving)], centre, half_band)
         through = np.max([table.strength(centre + u * half_band) for u in (-1.0, 0.0, 1.0)], axis=0)
         transmits = through > least
@@ -72,8 +72,8 @@ class SlabScene:
         }  # fmt: skip
 
     def delays(self, crossed: Crossings, elements: FloatArray, points: FloatArray) -> FloatArray:
-        """(element, facet) delays [s] of the slabs between (images of) `elements` (element, 3) and `points` (facet, 3) [m],
-        both in the space of the last segment."""
+        """(element, facet) delays [s] of the slabs between (images of) `elements` (element, 3) and `points` (facet, 3)
+        [m], both in the space of the last segment."""
         found = np.zeros((len(elements), len(points)))
         some = np.flatnonzero((crossed.surface >= 0).any(axis=1))
         if len(some):

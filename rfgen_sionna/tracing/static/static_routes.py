@@ -66,9 +66,7 @@ def _near(starts: FloatArray, ends: FloatArray, points: FloatArray) -> NDArray[n
     return np.flatnonzero((np.maximum(enter, 0.0) <= np.minimum(leave, 1.0)) & (span != 0).any(axis=1))
 
 
-def trace_static_routes(
-    scene: RunScene, surfaces: Surfaces, level: float, max_bounces: int
-) -> StaticRoutes | None:
+def trace_static_routes(scene: RunScene, surfaces: Surfaces, level: float, max_bounces: int) -> StaticRoutes | None:
     """Routes of the static `surfaces`, of which `scene` is made; None without any. `level` is that of the direct
     returns."""
     vertices = surfaces.static_vertices

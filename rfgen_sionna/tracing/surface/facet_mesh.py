@@ -18,7 +18,8 @@ from rfgen_sionna.tracing.visibility.item_buffer import Meshes
 
 @dataclass(frozen=True)
 class FacetMesh:
-    """Faces of all surfaces, and the facets that they are divided into. Vertices of pieces follow those of each mesh."""
+    """Faces of all surfaces, and the facets that they are divided into. Vertices of pieces follow those of each
+    mesh."""
 
     faces: IntArray
     """(face, 3) vertex indices."""
@@ -125,8 +126,8 @@ class FacetMesh:
         )  # fmt: skip
 
     def points(self, vertices: Sequence[FloatArray], viewpoint: FloatArray) -> FloatArray:
-        """(vertex, 3) positions [m] relative to the `viewpoint`, of all vertices with those of the pieces, for `vertices`
-        (vertex, 3) [m] of each surface."""
+        """(vertex, 3) positions [m] relative to the `viewpoint`, of all vertices with those of the pieces, for
+        `vertices` (vertex, 3) [m] of each surface."""
         ranges = self.meshes.vertex_range
         found = np.empty((int(ranges.max(initial=0)), 3))
         for own, (first, last), (ends, weights) in zip(vertices, ranges, self.sources, strict=True):
@@ -142,7 +143,8 @@ class FacetMesh:
         return found
 
     def corner_normals(self, points: FloatArray, facets: slice) -> FloatArray:
-        """(facet, 3, 3) unit normals at the corners of some `facets`, those of the smooth surface where there is one."""
+        """(facet, 3, 3) unit normals at the corners of some `facets`, those of the smooth surface where there is
+        one."""
         a, b, c = (points[self.meshes.corners[facets, k]] for k in range(3))
         found = np.repeat(np.cross(b - a, c - a)[:, None], 3, axis=1)
         group = self.group[self.face_of[facets]]
@@ -163,7 +165,8 @@ class FacetMesh:
 
 @njit(cache=True, nogil=True)
 def facet_centroids(points: Any, corners: Any, chosen: Any, found: Any) -> None:
-    """Centroids into `found` (chosen, 3) of the `chosen` facets with `corners` (facet, 3) among `points` (vertex, 3)."""
+    """Centroids into `found` (chosen, 3) of the `chosen` facets with `corners` (facet, 3) among `points` (vertex,
+    3)."""
     for q in range(chosen.shape[0]):
         f = chosen[q]
         for k in range(3):
@@ -172,9 +175,9 @@ def facet_centroids(points: Any, corners: Any, chosen: Any, found: Any) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def corner_normals(points: Any, faces: Any, group: Any, contributes: Any, normals: Any) -> None:
-    """Unit normals of the groups of face corners into `normals` (normal, 3), which are zero before. Weights are sin / (|a|
-    |b|) of the edges a, b at the corner, exact on a sphere (N. Max, Weights for computing vertex normals from facet
-    normals, Journal of Graphics Tools 4(2), 1999)."""
+    """Unit normals of the groups of face corners into `normals` (normal, 3), which are zero before. Weights are sin /
+    (|a| |b|) of the edges a, b at the corner, exact on a sphere (N. Max, Weights for computing vertex normals from
+    facet normals, Journal of Graphics Tools 4(2), 1999)."""
     for f in range(faces.shape[0]):
         if group[f, 0] < 0:
             continue

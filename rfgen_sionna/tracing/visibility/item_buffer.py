@@ -1,7 +1,8 @@
 """Item buffers around moving surfaces: visible fractions of their facets, and their shadows.
 
-Surfaces whose outlines overlap share a view, one that points at them and is as fine as the smaller of them needs; others
-cannot occlude one another. Surfaces around the viewpoint, or far off a view's axis, take the six sides of a cube.
+Surfaces whose outlines overlap share a view, one that points at them and is as fine as the smaller of them needs;
+others cannot occlude one another. Surfaces around the viewpoint, or far off a view's axis, take the six sides of a
+cube.
 """
 
 from __future__ import annotations
@@ -66,8 +67,8 @@ class View:
 
 
 def choose_views(points: Sequence[FloatArray], vertex_range: IntArray, resolution: int) -> list[View]:
-    """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the smallest
-    surface of a view is `resolution` pixels wide or high."""
+    """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the
+    smallest surface of a view is `resolution` pixels wide or high."""
     count = len(vertex_range)
     used = [k for k in range(count) if vertex_range[k, 1] > vertex_range[k, 0]]
     if not used:
@@ -139,8 +140,8 @@ def _cube(surfaces: tuple[int, ...], resolution: int) -> list[View]:
 
 
 class ItemBuffer:
-    """Draws `meshes` at one time after another in the same `views`, before facets at rest with corners (facet, 3, 3) [m]
-    relative to the viewpoint, visible without the surfaces."""
+    """Draws `meshes` at one time after another in the same `views`, before facets at rest with corners (facet, 3, 3)
+    [m] relative to the viewpoint, visible without the surfaces."""
 
     def __init__(self, meshes: Meshes, views: Sequence[View], static: FloatArray) -> None:
         self.meshes, self.views = meshes, tuple(views)

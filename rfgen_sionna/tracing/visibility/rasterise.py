@@ -1,7 +1,7 @@
 """Kernels of item buffers: the nearest facet of each pixel, by inverse depth.
 
-A pixel's inverse depth is linear over a flat facet. Points are relative to the viewpoint; a view has rows of unit vectors
-(forward, left, up) and a pixel is at (left / forward, up / forward).
+A pixel's inverse depth is linear over a flat facet. Points are relative to the viewpoint; a view has rows of unit
+vectors (forward, left, up) and a pixel is at (left / forward, up / forward).
 """
 
 from __future__ import annotations
@@ -111,13 +111,14 @@ def draw(
     points: Any, left: Any, up: Any, inverse: Any, view: Any, corners: Any, single: Any, first: int, origin: Any,
     scale: float, nearest: Any, items: Any, pixels: Any, flipped: bool, planes: Any, opened: Any,
 ) -> None:  # fmt: skip
-    """Draw facets `corners` (facet, 3) numbered from `first` on into `nearest` inverse depths and `items` (row, column),
-    and add the pixel centres of each to `pixels` (facet,); -1 there means that it faces away.
+    """Draw facets `corners` (facet, 3) numbered from `first` on into `nearest` inverse depths and `items` (row,
+    column), and add the pixel centres of each to `pixels` (facet,); -1 there means that it faces away.
 
-    `left`, `up` and `inverse` (point,) are those of :func:`project`. Facets are `single`-sided (facet,), counter-clockwise
-    from the visible side, or seen from both. `origin` (2,) is the tangent of the corner of pixel 0, `scale` pixels per
-    tangent. `flipped` points are mirror images, of the other orientation. Facets are clipped to the half-spaces `planes`
-    (plane, 4), n . x >= d. `opened` (row, column + 1) counts the pixels of a window to the left; empty means all.
+    `left`, `up` and `inverse` (point,) are those of :func:`project`. Facets are `single`-sided (facet,),
+    counter-clockwise from the visible side, or seen from both. `origin` (2,) is the tangent of the corner of pixel 0,
+    `scale` pixels per tangent. `flipped` points are mirror images, of the other orientation. Facets are clipped to the
+    half-spaces `planes` (plane, 4), n . x >= d. `opened` (row, column + 1) counts the pixels of a window to the left;
+    empty means all.
     """
     polygon, clipped = np.empty((5 + planes.shape[0], 3)), np.empty((5 + planes.shape[0], 3))
     # The planes in view coordinates, the near one last.
@@ -156,7 +157,8 @@ def draw(
             ax, ay = (left[a] - origin[0]) * scale, (up[a] - origin[1]) * scale
             bx, by = (left[b] - origin[0]) * scale, (up[b] - origin[1]) * scale
             cx, cy = (left[c] - origin[0]) * scale, (up[c] - origin[1]) * scale
-            # Seen along +forward with left and up, front faces turn clockwise or counter-clockwise alike: order by area.
+            # Seen along +forward with left and up, front faces turn clockwise or counter-clockwise alike: order by
+            # area.
             if (bx - ax) * (cy - ay) - (cx - ax) * (by - ay) >= 0.0:
                 pixels[f] += _fill(ax, ay, inverse[a], bx, by, inverse[b], cx, cy, inverse[c], first + f, nearest,
                                    items, opened)  # fmt: skip
@@ -236,8 +238,8 @@ def count_items(items: Any, first: int, seen: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def count_hidden(before: Any, items: Any, first: int, hidden: Any) -> None:
-    """Add to `hidden` (facet,) the pixels that showed each facet in `before` and show an item from `first` on in `items`
-    (row, column)."""
+    """Add to `hidden` (facet,) the pixels that showed each facet in `before` and show an item from `first` on in
+    `items` (row, column)."""
     for j in range(items.shape[0]):
         for i in range(items.shape[1]):
             if items[j, i] >= first and before[j, i] >= 0:

@@ -1,7 +1,7 @@
 """Kernels of slabs in item buffers: the nearest slabs of each pixel, and those before each facet.
 
-A pixel's direction d is inside a triangle a, b, c (relative to the viewpoint) where d . (b x c), d . (c x a) and d . (a x b)
-have the sign of a . (b x c); their sum over that volume is the inverse depth.
+A pixel's direction d is inside a triangle a, b, c (relative to the viewpoint) where d . (b x c), d . (c x a) and d . (a
+x b) have the sign of a . (b x c); their sum over that volume is the inverse depth.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ APART = 1e-4
 
 
 @njit(cache=True, nogil=True)
-def _edges(points: Any, corners: Any, f: int, view: Any, origin: Any, scale: float, shape: Any, sides: Any, box: Any) -> bool:
-    """Write inverse depth per barycentric part, linear in 1, left and up, to `sides` (3, 3), and the first and last column
-    and row to `box` (4,); False where there is nothing to draw."""
+def _edges(
+    points: Any, corners: Any, f: int, view: Any, origin: Any, scale: float, shape: Any, sides: Any, box: Any
+) -> bool:
+    """Write inverse depth per barycentric part, linear in 1, left and up, to `sides` (3, 3), and the first and last
+    column and row to `box` (4,); False where there is nothing to draw."""
     p = points[corners[f]]
     volume = 0.0
     for k in range(3):
@@ -102,7 +104,8 @@ def add_layers(points: Any, corners: Any, first: int, planes: Any, view: Any, or
 
 @njit(cache=True, nogil=True)
 def _normal(corners: Any, normals: Any, direction: Any) -> Any:
-    """Normal (3,), interpolated between those at the `corners` (3, 3) of a triangle, where a `direction` (3,) meets it."""
+    """Normal (3,), interpolated between those at the `corners` (3, 3) of a triangle, where a `direction` (3,) meets
+    it."""
     found, total = np.zeros(3), 0.0
     for k in range(3):
         across = np.cross(corners[(k + 1) % 3], corners[(k + 2) % 3])
@@ -120,11 +123,11 @@ def count_before(
 ) -> None:  # fmt: skip
     """Add the slabs before facets `corners` (facet, 3), numbered from `first` on.
 
-    A pixel shows an `opaque` facet where `items` do; a slab where it is before the `nearest` opaque one, whose `pixels` and
-    `seen` pixels are counted. `small` (facet,) facets without pixels count at their centroids. `layers` and `slabs` are
-    those of :func:`add_layers`, `there` and `normals` (slab, 3, 3) the corners of its items and the normals at these, `surface`
-    and `segment` (slab,); the facets are its items from `own` on. `material`, `place` (facet, layer) are the surface and segment, `cover` (facet, layer) counts pixels and
-    `across` (facet, layer, 3) adds normals.
+    A pixel shows an `opaque` facet where `items` do; a slab where it is before the `nearest` opaque one, whose `pixels`
+    and `seen` pixels are counted. `small` (facet,) facets without pixels count at their centroids. `layers` and `slabs`
+    are those of :func:`add_layers`, `there` and `normals` (slab, 3, 3) the corners of its items and the normals at
+    these, `surface` and `segment` (slab,); the facets are its items from `own` on. `material`, `place` (facet, layer)
+    are the surface and segment, `cover` (facet, layer) counts pixels and `across` (facet, layer, 3) adds normals.
     """
     sides, box = np.empty((3, 3)), np.empty(4, np.int64)
     for f in range(corners.shape[0]):
@@ -148,7 +151,11 @@ def count_before(
                 if opened.shape[0] and opened[j, i + 1] == opened[j, i]:
                     continue
                 x = origin[0] + (i + 0.5) / scale
-                w = sides[:, 0].sum() + sides[:, 1].sum() * x + sides[:, 2].sum() * y if small[f] else _depth(sides, x, y)
+                w = (
+                    sides[:, 0].sum() + sides[:, 1].sum() * x + sides[:, 2].sum() * y
+                    if small[f]
+                    else _depth(sides, x, y)
+                )
                 if w <= 0.0:
                     continue
                 if not small[f]:
