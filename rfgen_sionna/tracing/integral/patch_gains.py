@@ -22,12 +22,18 @@ from numba import njit
 
 from rfgen_sionna.tracing.integral.fresnel import cross, dot, minus, norm, obliquity, plus, scaled, unit
 from rfgen_sionna.tracing.integral.leg_fields import leg_obliquity, slab_length
+from rfgen_sionna.tracing.integral.patch_geometry import (
+    MIN_DISTANCE,
+    bisector,
+    clip_state,
+    clipped_sum,
+    on_patch,
+    path_length,
+)
 from rfgen_sionna.tracing.integral.phasor_moments import FAST, mean_phasor
 
 MAX_PARTS = 8
 """Largest number of pieces along an edge."""
-MIN_DISTANCE = 1e-4
-"""Distance of an element [m] below which a facet returns nothing."""
 MIN_COSINE = 1e-3
 """Cosine of incidence below which the strength stays that of this angle."""
 _POINTS = (2 * MAX_PARTS + 1) * (MAX_PARTS + 1)
@@ -45,133 +51,15 @@ def _edge_sagitta(normals: Any, g: int, h: int, chord: Any) -> tuple[float, floa
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _on_patch(a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, u: float, v: float, w: float) -> tuple[float, float, float]:
-    """Point at barycentric coordinates `u`, `v`, `w` of a patch with corners `a`, `b`, `c` and sagittas `r`, `s`,
-    `t`."""
-    p, q, o = 4.0 * v * w, 4.0 * w * u, 4.0 * u * v
-    return (
-        u * a[0] + v * b[0] + w * c[0] + p * r[0] + q * s[0] + o * t[0],
-        u * a[1] + v * b[1] + w * c[1] + p * r[1] + q * s[1] + o * t[1],
-        u * a[2] + v * b[2] + w * c[2] + p * r[2] + q * s[2] + o * t[2],
-    )
-
-
-@njit(fastmath=FAST, error_model="numpy")
 def _store(lattice: Any, m: int, point: Any) -> None:
     """Write a `point` to row `m`."""
     lattice[m, 0], lattice[m, 1], lattice[m, 2] = point
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _path_length(point: Any, t: Any, r: Any, apart: bool) -> float:
-    """Length [m] of the path from `t` by a `point` to `r`, or twice the distance of `t` where both are one."""
-    if apart:
-        return norm(minus(point, t)) + norm(minus(point, r))
-    return 2.0 * norm(minus(point, t))
-
-
-@njit(fastmath=FAST, error_model="numpy")
 def _slab_path(legs: Any, q: int, point: Any, t: Any, r: Any) -> float:
     """Delay [m] of the slabs on both legs between a `point` of facet `q` and the images `t` and `r` of the elements."""
     return slab_length(legs, 0, q, unit(minus(point, t))) + slab_length(legs, 1, q, unit(minus(r, point)))
-
-
-@njit(fastmath=FAST, error_model="numpy")
-def _bisector(point: Any, tx: Any, rx: Any) -> tuple[float, float, float]:
-    """Point between `tx` and `rx` that halves the angle at a `point`."""
-    to_tx, to_rx = norm(minus(point, tx)), norm(minus(point, rx))
-    return plus(tx, scaled(minus(rx, tx), to_tx / max(to_tx + to_rx, MIN_DISTANCE)))
-
-
-@njit(fastmath=FAST, error_model="numpy")
-def _at(patch: Any, ends: Any, x: float, y: float) -> tuple[float, float, float]:
-    """Point at barycentric coordinates (1 - x - y, x, y) of a facet with corners at `ends` (3, 3) of a `patch`."""
-    z = 1.0 - x - y
-    return _on_patch(
-        patch[0], patch[1], patch[2], patch[3], patch[4], patch[5], z * ends[0][0] + x * ends[1][0] + y * ends[2][0],
-        z * ends[0][1] + x * ends[1][1] + y * ends[2][1], z * ends[0][2] + x * ends[1][2] + y * ends[2][2],
-    )  # fmt: skip
-
-
-@njit(fastmath=FAST, error_model="numpy")
-def _cut(patch: Any, ends: Any, planes: Any, polygon: Any, spare: Any, corners: int) -> int:
-    """Clip a `polygon` (corner, 2), of which so many `corners` are in use, to all half-spaces `planes` (plane, 4), n .
-    x >= d; returns its number of corners. `spare` is of the same shape."""
-    for m in range(planes.shape[0]):
-        n, d = (planes[m, 0], planes[m, 1], planes[m, 2]), planes[m, 3]
-        kept = 0
-        for k in range(corners):
-            j = (k + 1) % corners
-            here = dot(n, _at(patch, ends, polygon[k, 0], polygon[k, 1])) - d
-            there = dot(n, _at(patch, ends, polygon[j, 0], polygon[j, 1])) - d
-            if here >= 0.0:
-                spare[kept, 0], spare[kept, 1] = polygon[k, 0], polygon[k, 1]
-                kept += 1
-            if (here >= 0.0) != (there >= 0.0):
-                share = here / (here - there)
-                for axis in range(2):
-                    spare[kept, axis] = polygon[k, axis] + share * (polygon[j, axis] - polygon[k, axis])
-                kept += 1
-        for k in range(kept):
-            polygon[k, 0], polygon[k, 1] = spare[k, 0], spare[k, 1]
-        corners = kept
-        if corners < 3:
-            return 0
-    return corners
-
-
-@njit(fastmath=FAST, error_model="numpy")
-def _cut_sum(
-    patch: Any, ends: Any, parts: int, planes: Any, polygon: Any, spare: Any, here: Any, there: Any, apart: bool,
-    base: float, wavenumber: float, direction: Any, side: float, tilt: Any, top: Any,
-) -> complex:  # fmt: skip
-    """Sum over the pieces inside all `planes` of twice the projected area times the mean phasor."""
-    total, step = 0j, 1.0 / parts
-    for row in range(parts):
-        for column in range(parts - row):
-            for turned in range(2):
-                if turned and column == parts - row - 1:
-                    continue
-                x, y = row * step, column * step
-                polygon[0, 0], polygon[0, 1] = (x + step, y) if turned else (x, y)
-                polygon[1, 0], polygon[1, 1] = (x + step, y + step) if turned else (x + step, y)
-                polygon[2, 0], polygon[2, 1] = x, y + step
-                corners = _cut(patch, ends, planes, polygon, spare, 3)
-                for k in range(1, corners - 1):
-                    x0, y0, x1, y1 = polygon[0, 0], polygon[0, 1], polygon[k, 0], polygon[k, 1]
-                    x2, y2 = polygon[k + 1, 0], polygon[k + 1, 1]
-                    p0, p1, p2 = _at(patch, ends, x0, y0), _at(patch, ends, x1, y1), _at(patch, ends, x2, y2)
-                    projected = -side * dot(cross(minus(p1, p0), minus(p2, p0)), direction)
-                    if projected <= 0.0:
-                        continue
-                    l0 = _path_length(p0, here, there, apart) - base
-                    l1 = _path_length(p1, here, there, apart) - base
-                    l2 = _path_length(p2, here, there, apart) - base
-                    e0 = _path_length(_at(patch, ends, 0.5 * (x1 + x2), 0.5 * (y1 + y2)), here, there, apart) - base
-                    e1 = _path_length(_at(patch, ends, 0.5 * (x2 + x0), 0.5 * (y2 + y0)), here, there, apart) - base
-                    e2 = _path_length(_at(patch, ends, 0.5 * (x0 + x1), 0.5 * (y0 + y1)), here, there, apart) - base
-                    total += projected * mean_phasor(
-                        wavenumber * l0, wavenumber * l1, wavenumber * l2, 1.0 + dot(tilt, minus(p0, top)),
-                        1.0 + dot(tilt, minus(p1, top)), 1.0 + dot(tilt, minus(p2, top)),
-                        wavenumber * (0.5 * (l1 + l2) - e0), wavenumber * (0.5 * (l2 + l0) - e1),
-                        wavenumber * (0.5 * (l0 + l1) - e2),
-                    )  # fmt: skip
-    return total
-
-
-@njit(fastmath=FAST, error_model="numpy")
-def _inside(patch: Any, ends: Any, planes: Any) -> int:
-    """1 where a facet is inside all `planes`, -1 where it is beyond one of them, 0 where one cuts it."""
-    whole = 1
-    for m in range(planes.shape[0]):
-        n, d = (planes[m, 0], planes[m, 1], planes[m, 2]), planes[m, 3]
-        count = int(dot(n, _at(patch, ends, 0.0, 0.0)) >= d) + int(dot(n, _at(patch, ends, 1.0, 0.0)) >= d)
-        count += int(dot(n, _at(patch, ends, 0.0, 1.0)) >= d)
-        if count == 0:
-            return -1
-        if count < 3:
-            whole = 0
-    return whole
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -235,7 +123,7 @@ def patch_gains(
             u2, v2, w2 = weights[f, 2, 0], weights[f, 2, 1], weights[f, 2, 2]
         um, vm, wm = (u0 + u1 + u2) / 3.0, (v0 + v1 + v2) / 3.0, (w0 + w1 + w2) / 3.0
         zero = (0.0, 0.0, 0.0)
-        middle = _on_patch(a, b, c, zero, zero, zero, um, vm, wm)  # of the flat facet
+        middle = on_patch(a, b, c, zero, zero, zero, um, vm, wm)  # of the flat facet
         centroids[q, 0], centroids[q, 1], centroids[q, 2] = middle
         for n in range(nodes.shape[0]):
             gains[n, q] = 0.0
@@ -246,21 +134,21 @@ def patch_gains(
             for depth in range(legs.slab.shape[2]):
                 routed = routed or legs.slab[leg, q, depth] >= 0
         patch, bary = (a, b, c, r, s, t), ((u0, v0, w0), (u1, v1, w1), (u2, v2, w2))
-        inside = _inside(patch, bary, planes) if planes.shape[0] else 1
+        inside = clip_state(patch, bary, planes) if planes.shape[0] else 1
         if inside < 0:
             continue
         # Vector area of the face's front, turned to the radar.
         front = cross(minus(b, a), minus(c, a))
-        eye = _bisector(middle, views[0], views[1]) if mirrored else zero
+        eye = bisector(middle, views[0], views[1]) if mirrored else zero
         inward = dot(front, minus(middle, eye)) > 0.0
         if inward and single[face]:
             continue
         side = -1.0 if inward else 1.0
-        top = middle if flat else _on_patch(a, b, c, r, s, t, um, vm, wm)
+        top = middle if flat else on_patch(a, b, c, r, s, t, um, vm, wm)
         facing = scaled(front, side)
         ends = (
-            _on_patch(a, b, c, r, s, t, u0, v0, w0), _on_patch(a, b, c, r, s, t, u1, v1, w1),
-            _on_patch(a, b, c, r, s, t, u2, v2, w2),
+            on_patch(a, b, c, r, s, t, u0, v0, w0), on_patch(a, b, c, r, s, t, u1, v1, w1),
+            on_patch(a, b, c, r, s, t, u2, v2, w2),
         )  # fmt: skip
         if not flat:  # vector area of the patch in the middle
             facing = scaled(cross(minus(ends[1], ends[0]), minus(ends[2], ends[0])), side)
@@ -271,15 +159,15 @@ def patch_gains(
         # Pieces along an edge, by the quadratic phase in the middle of the facet's edges; the same for all nodes, so
         # that gains are smooth over band and array.
         middles = (
-            _on_patch(a, b, c, r, s, t, 0.5 * (u1 + u2), 0.5 * (v1 + v2), 0.5 * (w1 + w2)),
-            _on_patch(a, b, c, r, s, t, 0.5 * (u2 + u0), 0.5 * (v2 + v0), 0.5 * (w2 + w0)),
-            _on_patch(a, b, c, r, s, t, 0.5 * (u0 + u1), 0.5 * (v0 + v1), 0.5 * (w0 + w1)),
+            on_patch(a, b, c, r, s, t, 0.5 * (u1 + u2), 0.5 * (v1 + v2), 0.5 * (w1 + w2)),
+            on_patch(a, b, c, r, s, t, 0.5 * (u2 + u0), 0.5 * (v2 + v0), 0.5 * (w2 + w0)),
+            on_patch(a, b, c, r, s, t, 0.5 * (u0 + u1), 0.5 * (v0 + v1), 0.5 * (w0 + w1)),
         )  # fmt: skip
         rise = 0.0
         for m in range(3):
-            one = _path_length(ends[(m + 1) % 3], views[0], views[1], mirrored)
-            other = _path_length(ends[(m + 2) % 3], views[0], views[1], mirrored)
-            rise = max(rise, abs(0.5 * (one + other) - _path_length(middles[m], views[0], views[1], mirrored)))
+            one = path_length(ends[(m + 1) % 3], views[0], views[1], mirrored)
+            other = path_length(ends[(m + 2) % 3], views[0], views[1], mirrored)
+            rise = max(rise, abs(0.5 * (one + other) - path_length(middles[m], views[0], views[1], mirrored)))
         parts = min(max(int(np.ceil(np.sqrt(rise / most_rise))), 1), MAX_PARTS)
         base, before, apart, element = 0.0, -1, False, zero
         direction, tilt = zero, zero
@@ -291,11 +179,11 @@ def patch_gains(
                 for m in range(6):
                     same = same and nodes[n, m] == nodes[before, m]
             if not same:
-                element = _bisector(top, here, there) if mirrored else scaled(plus(here, there), 0.5)
+                element = bisector(top, here, there) if mirrored else scaled(plus(here, there), 0.5)
                 apart = bistatic or routed
                 if not apart:
                     here = there = element
-                base = _path_length(middle, here, there, apart)
+                base = path_length(middle, here, there, apart)
                 direction = minus(top, element)
                 distance = norm(direction)
                 direction = scaled(direction, 1.0 / max(distance, MIN_DISTANCE))
@@ -315,19 +203,19 @@ def patch_gains(
                 if parts == 1:
                     for m in range(3):
                         _store(lattice, m, ends[m])
-                        path[m] = _path_length(ends[m], here, there, apart) - base
-                        path[3 + m] = _path_length(middles[m], here, there, apart) - base
+                        path[m] = path_length(ends[m], here, there, apart) - base
+                        path[3 + m] = path_length(middles[m], here, there, apart) - base
                 else:
                     m = 0
                     for row in range(2 * parts + 1):
                         for column in range(2 * parts + 1 - row):
                             x, y = row / (2.0 * parts), column / (2.0 * parts)
                             z = 1.0 - x - y
-                            p = _on_patch(
+                            p = on_patch(
                                 a, b, c, r, s, t, z * u0 + x * u1 + y * u2, z * v0 + x * v1 + y * v2, z * w0 + x * w1 + y * w2
                             )
                             _store(lattice, m, p)
-                            path[m] = _path_length(p, here, there, apart) - base
+                            path[m] = path_length(p, here, there, apart) - base
                             m += 1
                 if routed:  # slabs by their delay at each point; their coefficients are those in the middle
                     slabs = _slab_path(legs, q, top, here, there)
@@ -348,7 +236,7 @@ def patch_gains(
                 )
             total = 0j
             if inside == 0:
-                total = _cut_sum(
+                total = clipped_sum(
                     patch, bary, parts, planes, polygon, spare, here, there, apart, base, wavenumber, direction, side, tilt,
                     top,
                 )  # fmt: skip

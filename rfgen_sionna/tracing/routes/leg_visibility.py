@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -243,14 +242,14 @@ class _Buffer:
                 surface.append(surfaces)
                 place.append(np.full(len(corners), number, np.int32))
                 own[which], first = first, first + len(corners)  # those of the last segment stay
-        known: Any = tuple(np.concatenate(each) for each in (there, normals, surface, place))
+        at, normal, of, places = (np.concatenate(each) for each in (there, normals, surface, place))
         planes = self._leg.segments[-1].planes
         unused = np.zeros(len(meshes.corners), np.int32)
         for facets, moving in [(each, -1) for each in self._opaque] + self._slabs:
             opaque = moving < 0
             count_before(
                 shown, meshes.corners[facets], facets.start, view.axes, view.origin, view.scale, nearest, items, opaque,
-                self._opened, planes, small[facets], layers, slabs, -(2**30) if opaque else own[moving], *known,
+                self._opened, planes, small[facets], layers, slabs, -(2**30) if opaque else own[moving], at, normal, of, places,
                 unused[facets] if opaque else count.pixels[facets], count.looked[facets], count.surface[facets],
                 count.segment[facets], count.cover[facets], count.across[facets],
             )  # fmt: skip
