@@ -34,6 +34,8 @@ from rfgen_sionna.tracing.routes.route_bounds import raise_bounds, significant_f
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
+MAX_STILL_MIRRORS = 32
+"""Most mirrors within a scene at rest, for time."""
 CHECKED_FACETS, CHECKED_ROUTES = 300, 12
 """Strongest facets of the strongest routes that decide on an expansion."""
 
@@ -154,10 +156,15 @@ class RouteTracer:
         own = Reflectors(parts[:count], self.reflectors.static, self.reflectors.owner).plates(self._static)
         return dict(enumerate(own))
 
-    def _routes(self, plan: RunPlan, times: FloatArray, samples: Sequence[Sample]) -> list[Route]:
+    def _routes(
+        self, plan: RunPlan, times: FloatArray, samples: Sequence[Sample]
+    ) -> list[Route]:
         """Routes that matter, in both directions, with the facets that matter."""
         scene, mesh = plan.scene, plan.mesh
         plates = [self._plates(plan, t) for t in times.tolist()]
+        if all(each.still for each in scene.surfaces):
+            # Furniture has thousands of faces: the largest returns of plates of their size alone are mirrors.
+            plates = [self._largest(some) for some in plates]
         poses = sorted({0, len(times) // 2, len(times) - 1})
         bounds = self._bounds(plan)
         keys: set[RouteKey] = set()
@@ -222,6 +229,17 @@ class RouteTracer:
                     swapped = tuple((back, out) for out, back in route.crossed)
                     both.append(replace(route, out=route.back, back=route.out, crossed=swapped))
         return both
+
+    def _largest(self, plates: Sequence[Plate | None]) -> list[Plate | None]:
+        """The plates, of which the smallest are None."""
+        order = sorted((each for each in plates if each is not None), key=self._most)
+        left = {each.part for each in order[-MAX_STILL_MIRRORS:]}
+        return [each if each is not None and each.part in left else None for each in plates]
+
+    def _most(self, plate: Plate) -> float:
+        """Bound of the return by a plate and one of its size: area / (4 pi distance^2), in both directions."""
+        nearest = max(float(np.linalg.norm(np.concatenate(plate.windows), axis=1).min()), 1e-3)
+        return 2.0 * self.reflectors.parts[plate.part].area / (4.0 * np.pi * nearest**2)
 
     def _weights(self, plan: RunPlan, facets: NDArray[np.intp], out: LegKey, back: LegKey) -> FloatArray:
         """(facet,) weight of the roles of some facets on a route."""
