@@ -96,17 +96,24 @@ class Traced(ShortRepr):
             return self.find_shadows()
 
     def shadowed_static(self) -> tuple[RadarPaths, NDArray[np.bool_]]:
-        """Static scene with the shadows of the actors at a single sample time, and whether each path is visible."""
+        """Static scene with the shadows of the actors at a single sample time, and whether each path is visible. Paths
+        of facets of large faces follow, which take away what their edges return too much."""
         static = self.static
         if not self.shadows:
             return static, np.ones(static.num_paths, np.bool_)
         a, dispersion = static.a.copy(), None if static.dispersion is None else static.dispersion.copy()
+        added = []
         for shadow in self.shadows:
-            a[:, :, shadow.index] += shadow.paths.a
+            own = np.flatnonzero(shadow.index >= 0)
+            a[:, :, shadow.index[own]] += shadow.paths.a[:, :, own]
             if dispersion is not None and shadow.paths.dispersion is not None:
-                more = shadow.paths.dispersion  # may have fewer orders
-                dispersion[: len(more), :, :, shadow.index] += more
-        return replace(static, a=a, dispersion=dispersion), np.any(a != 0, axis=(0, 1, 3))
+                more = shadow.paths.dispersion[..., own, :]  # may have fewer orders
+                dispersion[: len(more), :, :, shadow.index[own]] += more
+            if len(own) < len(shadow.index):
+                added.append(replace(shadow.paths.select(np.flatnonzero(shadow.index < 0)), times=static.times))
+        found = replace(static, a=a, dispersion=dispersion)
+        found = RadarPaths.concatenate([found, *added]) if added else found
+        return found, np.any(found.a != 0, axis=(0, 1, 3))
 
     def changing(self) -> tuple[RadarPaths, ...]:
         """All paths except those of the static scene."""

@@ -157,7 +157,7 @@ class Tracer:
         slabs = self._static_transmission
         slab_edges = None if slabs is None else static_slab_transmission(self.surfaces, slabs, self._band)
         given = self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
-        return trace_static(*given, slab_edges)
+        return trace_static(*given, slab_edges, by_cells=self.max_bounces == 1 and not self.transmission)
 
     @cached_property
     def _static_transmission(self) -> Transmission | None:
@@ -364,9 +364,9 @@ class Tracer:
 
     @cached_property
     def _run_scene(self) -> RunScene:
-        """Actors, and the facets at rest that occlude them."""
-        static = self.static.facets.corners - self._viewpoint
-        return RunScene(self.surfaces.moving, self._band, self.radar.max_range, self.rtol, self._vertices, static)
+        """Actors, and what is at rest and occludes them."""
+        known = self._band, self.radar.max_range, self.rtol, self._vertices
+        return RunScene(self.surfaces.moving, *known, self.static.items)
 
     def geometry(self, t: float) -> tuple[RayScene, list[FloatArray], list[FloatArray | None]]:
         """Ray scene at `t` [s], each object's vertices (vertex, 3) [m] and their velocities [m/s]; None for static

@@ -34,6 +34,7 @@ from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.surface.facets import CANCELLED
 from rfgen_sionna.tracing.surface.surfaces import Surface, tolerance_groups
 from rfgen_sionna.tracing.surface.tessellate import tessellate
+from rfgen_sionna.tracing.visibility.item_buffer import StaticItems
 
 POSES = 9
 """Poses of a run that decide on its facets."""
@@ -63,8 +64,7 @@ class RunScene:
     max_range: float
     rtol: float
     positions: Positions
-    static: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 3)))
-    """(facet, 3, 3) corners [m] of visible facets at rest, relative to the viewpoint."""
+    static: StaticItems = field(default_factory=StaticItems)
     group: IntArray = field(init=False)
 
     def __post_init__(self) -> None:

@@ -14,7 +14,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.tracing.direct.return_bounds import bound_returns, significant
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
-from rfgen_sionna.tracing.visibility.item_buffer import ItemBuffer, choose_views
+from rfgen_sionna.tracing.visibility.item_buffer import ItemBuffer, StaticItems, choose_views
 
 Positions = Callable[[float], Sequence[FloatArray]]
 """Time [s] to the (vertex, 3) positions [m] of every moving surface."""
@@ -39,15 +39,14 @@ class Sample:
 @dataclass(frozen=True)
 class Sampler:
     """Samples the facets of a `mesh` with vertices at `positions`, seen from the `viewpoint` (3,) [m] within `max_range`
-    [m], with `resolution` pixels along a surface. Facets at rest, with corners `static` (facet, 3, 3) [m] relative to the
-    viewpoint, occlude and are occluded."""
+    [m], with `resolution` pixels along a surface. The `static` items occlude and are occluded."""
 
     mesh: FacetMesh
     positions: Positions
     viewpoint: FloatArray
     max_range: float
     resolution: int
-    static: FloatArray
+    static: StaticItems
 
     def at(self, times: Sequence[float]) -> list[Sample]:
         """Samples at `times` [s], in common views."""

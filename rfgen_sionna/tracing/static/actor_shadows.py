@@ -25,7 +25,7 @@ class Shadow:
 
     paths: RadarPaths
     index: NDArray[np.intp]
-    """(path,) static path of each."""
+    """(path,) static path of each; -1 for a path of its own, of a facet of a large face whose edges are paths."""
 
     def at(self, index: NDArray[np.intp]) -> Shadow:
         """The same, with `index` mapped to the numbers `index[...]` of a larger set of paths."""
@@ -71,13 +71,14 @@ def cast_shadows(static: Any, times: FloatArray, shadows: Sequence[Shadows]) -> 
     left = np.ones((len(every), len(times)))
     for k, (index, share) in enumerate(shadows):
         left[np.searchsorted(every, index), k] = share
-    paths = static.paths.select(every)
+    paths, weight = static.paths_of(every)
+    every = np.where(every < len(static.facets), every, -1)
     changing, steady = (shadow.at(every) for shadow in cast_shadow(paths, left, times))
     missed = 0.0
     if len(times) > 2 and static.level > 0:
         frequency = np.float64(paths.frequency)
         waves = paths.a[0, 0, :, 0] * np.exp(-2j * np.pi * np.mod(frequency * paths.tau[0, 0, :, 0], 1.0))
-        off = (waves * static.weight[every]) @ (left @ leave_one_out(len(times)).T)
+        off = (waves * weight) @ (left @ leave_one_out(len(times)).T)
         missed = LEAVE_ONE_OUT_SCALE * float(np.sqrt(np.mean(np.abs(off) ** 2))) / static.level
     return tuple(each for each in (changing, steady) if each.paths.num_paths), missed
 

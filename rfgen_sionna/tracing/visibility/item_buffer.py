@@ -6,8 +6,8 @@ cannot occlude one another. Surfaces around the viewpoint, or far off a view's a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from rfgen_sionna.tracing.visibility.rasterise import (
     bounding_box,
     count_hidden,
     count_items,
+    count_within,
     draw,
     project,
     see_points,
@@ -45,6 +46,25 @@ class Meshes:
     """(surface, 2) first vertex of each surface, and the one after its last."""
     facet_range: IntArray
     """(surface, 2) likewise of its facets."""
+
+
+def _no_cells(_: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
+    return np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros((0, 3, 3))
+
+
+@dataclass(frozen=True)
+class StaticItems:
+    """Surfaces at rest that occlude and are occluded: facets, and large triangles whose facets matter in a shadow alone."""
+
+    corners: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    """(item, 3, 3) [m] relative to the viewpoint, visible without actors; facets first."""
+    facets: int | None = None
+    """Number of facets; None means all."""
+    divide: Callable[[NDArray[np.intp]], tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]] = _no_cells
+    """Large triangles, numbered from 0 on, to the numbers of their facets, the triangle of each and its corners."""
+
+    def __len__(self) -> int:
+        return len(self.corners)
 
 
 @dataclass(frozen=True)
@@ -137,18 +157,17 @@ def _cube(surfaces: tuple[int, ...], resolution: int) -> list[View]:
 
 
 class ItemBuffer:
-    """Draws `meshes` at one time after another in the same `views`, before facets at rest with corners (facet, 3, 3) [m]
-    relative to the viewpoint, visible without the surfaces."""
+    """Draws `meshes` at one time after another in the same `views`, before `static` items."""
 
-    def __init__(self, meshes: Meshes, views: Sequence[View], static: FloatArray) -> None:
-        self.meshes, self.views = meshes, tuple(views)
+    def __init__(self, meshes: Meshes, views: Sequence[View], static: StaticItems) -> None:
+        self.meshes, self.views, self._items = meshes, tuple(views), static
         self._first = len(static)
         count = int(meshes.vertex_range.max(initial=0))
         self._left, self._up, self._inverse = np.zeros((3, count))
         self._buffers = [(np.empty(each.shape, np.float32), np.empty(each.shape, np.int32)) for each in self.views]
         self._static: list[tuple[NDArray[np.float32], NDArray[np.int32]]] = []
         if self._first:
-            self._draw_static(static)
+            self._draw_static(static.corners)
 
     def _draw_static(self, static: FloatArray) -> None:
         points, corners = static.reshape(-1, 3), np.arange(3 * len(static), dtype=np.int32).reshape(-1, 3)
@@ -194,7 +213,7 @@ class ItemBuffer:
 
     def shadows(self) -> tuple[NDArray[np.intp], FloatArray]:
         """Facets at rest, ascending, that the surfaces of the last :meth:`fractions` occlude, and the visible share of
-        each."""
+        each. The facets of large triangles are numbered from the number of items on."""
         hidden = np.zeros(self._first, np.int32)
         for (_, before), (_, items) in zip(self._static, self._buffers, strict=True):
             count_hidden(before, items, self._first, hidden)
@@ -208,7 +227,27 @@ class ItemBuffer:
                 visible &= here
             left[some[~visible]] = 0.0
         occluded = np.flatnonzero(left < 1.0)
-        return occluded, left[occluded]
+        whole = len(left) if self._items.facets is None else self._items.facets
+        index, share = self._within(occluded[occluded >= whole])
+        facets = occluded[occluded < whole]
+        return np.concatenate([facets, index]), np.concatenate([left[facets], share])
+
+    def _within(self, triangles: NDArray[np.intp]) -> tuple[NDArray[np.intp], FloatArray]:
+        """The same of the facets of large `triangles`, by their item."""
+        first = 0 if self._items.facets is None else self._items.facets
+        index, owner, corners = self._items.divide(triangles - first)
+        if not len(index):
+            return index, np.zeros(0)
+        points = corners.reshape(-1, 3)
+        left, up, inverse = np.empty((3, len(points)))
+        hidden = np.zeros(len(index))
+        for view, (_, before), (_, items) in zip(self.views, self._static, self._buffers, strict=True):
+            project(points, view.axes, left, up, inverse)
+            count_within(left, up, inverse, first + owner, view.origin, view.scale, before, items, self._first, hidden)
+        share = 1.0 - hidden
+        order = np.argsort(index, kind="stable")
+        order = order[share[order] < 1.0]
+        return self._first + index[order], share[order]
 
     def _cleared(self, number: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         nearest, items = self._buffers[number]
