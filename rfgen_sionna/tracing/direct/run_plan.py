@@ -32,7 +32,7 @@ from rfgen_sionna.tracing.integral.fresnel import media_table
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.surface.facets import CANCELLED
-from rfgen_sionna.tracing.surface.surfaces import Surface, tolerance_groups
+from rfgen_sionna.tracing.surface.surfaces import Surface, actor_groups
 from rfgen_sionna.tracing.surface.tessellate import tessellate
 from rfgen_sionna.tracing.visibility.item_buffer import StaticItems
 
@@ -68,7 +68,7 @@ class RunScene:
     group: IntArray = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "group", tolerance_groups(self.surfaces))
+        object.__setattr__(self, "group", actor_groups(self.surfaces))
 
     @property
     def wavenumber(self) -> float:
@@ -170,7 +170,8 @@ class RunPlan:
     def values(self, sample: Sample, chosen: NDArray[np.intp]) -> tuple[ComplexArray, FloatArray]:
         """(node, chosen) gains of the expansion, and (chosen, 3) centroids [m] relative to the viewpoint."""
         gradient = self.scene.gradient(self.mesh.centroids(sample.points, chosen), self.steep)
-        return integrate(self.mesh, self.material, sample, chosen, self.nodes, self.settings.sagitta, gradient)
+        rise = self.settings.sagitta / self.scene.wavenumber
+        return integrate(self.mesh, self.material, sample, chosen, self.nodes, rise, gradient)
 
     def first_pair(self, values: ComplexArray) -> ComplexArray:
         """(...) gains of the first pair in the middle of the band, from values (node, ...)."""
@@ -284,8 +285,8 @@ class _Planner:
 
         known: dict[tuple[bytes, bytes, int], tuple[ComplexArray, ComplexArray, FloatArray]] = {}
 
-        def fits(u: FloatArray, pairs: IntArray, basis: Sequence[tuple[int, ...]]) -> bool:
-            tried = finds(expansions.through(basis))
+        def fits(u: FloatArray, pairs: IntArray, expansion: Expansion) -> bool:
+            tried = finds(expansion)
             for number, (sample, few) in enumerate(checks):
                 key = u.tobytes(), pairs.tobytes(), number
                 if key not in known:
@@ -309,20 +310,20 @@ class _Planner:
 
         order, degree, first = 1, 0, np.zeros(len(PROBES), np.int32)
         middle, ends = np.zeros(len(outer)), np.repeat([-1.0, 1.0], len(outer))
-        while order < MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
+        while order < MAX_ORDER and not fits(PROBES, first, expansions.over_band(order)):
             order += 1
         if len(outer) > 1:
-            while degree < MAX_DEGREE and not fits(middle, outer, expansions.basis(1, degree, full=True)):
+            while degree < MAX_DEGREE and not fits(middle, outer, expansions.through(expansions.basis(1, degree, full=True))):
                 degree += 1
         if order == MAX_ORDER or degree == MAX_DEGREE:
             _LOG.warning(
                 "rtol is %g: gains change too fast for %d coefficients of degree %d over band and array; raise rtol",
                 scene.rtol, order, degree,
             )  # fmt: skip
-        basis = expansions.basis(order, degree, full=False)
-        if degree and order > 1 and not fits(ends, np.tile(outer, 2), basis):
-            basis = expansions.basis(order, degree, full=True)
-        return finds(expansions.through(basis))
+        found = expansions.through(expansions.basis(order, degree, full=False))
+        if degree and order > 1 and not fits(ends, np.tile(outer, 2), found):
+            found = expansions.through(expansions.basis(order, degree, full=True))
+        return finds(found)
 
 
 def _with_knots(plan: RunPlan, starts: Sequence[float], length: float) -> RunPlan:

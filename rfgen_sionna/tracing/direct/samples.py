@@ -117,7 +117,7 @@ def integrate(
     sample: Sample,
     chosen: NDArray[np.intp],
     nodes: GainNodes,
-    sagitta: float,
+    most_rise: float,
     gradient: FloatArray,
 ) -> tuple[ComplexArray, FloatArray]:
     """(node, chosen) gains with the shadow weight, and (chosen, 3) centroids [m] relative to the viewpoint; the arguments
@@ -126,7 +126,7 @@ def integrate(
     centroids = np.empty((len(chosen), 3))
     patch_gains(
         sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, sample.visible[chosen],
-        material, mesh.single, nodes.table, nodes.fields, nodes.media, nodes.bistatic, sagitta, gradient, gains, centroids,
+        material, mesh.single, nodes.table, nodes.fields, nodes.media, nodes.bistatic, most_rise, gradient, gains, centroids,
     )  # fmt: skip
     return gains, centroids
 

@@ -184,6 +184,13 @@ class ArrayExpansions:
         shape = order, len(self._tx), len(self._rx), -1
         return Expansion(nodes, order, weights.reshape(shape), axes=self._axes, slopes=slopes, steady=steady)
 
+    def over_band(self, order: int) -> Expansion:
+        """Interpolation of the first pair at `order` Chebyshev nodes of the band, for all pairs."""
+        u = band_nodes(order)
+        weights = np.linalg.inv(np.vander(u, order, increasing=True))[:, None, None]
+        shape = order, len(self._tx), len(self._rx), order
+        return Expansion(self.nodes(u, np.zeros(order, np.int32)), order, np.ascontiguousarray(np.broadcast_to(weights, shape)))
+
     def through(self, basis: Sequence[tuple[int, ...]]) -> Expansion:
         """Interpolation by `basis` at as many pairs of the radar and Chebyshev nodes of the band. Pivoted QR picks
         pairs and frequencies (approximate Fekete points); dependent functions leave the basis."""

@@ -70,7 +70,7 @@ def _path_length(point: Any, t: Any, r: Any, apart: bool) -> float:
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def patch_gains(
     points: Any, faces: Any, group: Any, normals: Any, face_of: Any, weights: Any, chosen: Any, visible: Any,
-    material: Any, single: Any, nodes: Any, fields: Any, media: Any, bistatic: bool, most_sagitta: float, gradient: Any,
+    material: Any, single: Any, nodes: Any, fields: Any, media: Any, bistatic: bool, most_rise: float, gradient: Any,
     gains: Any, centroids: Any,
 ) -> None:  # fmt: skip
     """Gains (node, chosen) without the propagation phase of the `centroids` (chosen, 3) [m] of the flat facets.
@@ -93,8 +93,8 @@ def patch_gains(
         (node, material, 7) of :func:`rfgen_sionna.tracing.integral.fresnel.media_table`.
     bistatic
         Whether the obliquity is that of separate elements; else that of an element half way.
-    most_sagitta
-        Largest quadratic phase [rad] in the middle of an edge of a piece.
+    most_rise
+        Largest quadratic part of the distance [m] in the middle of an edge of a piece: the same pieces at all frequencies.
     gradient
         (chosen, 3) gradient of the logarithm of the pattern gain [1/m]; empty means none.
     """
@@ -181,7 +181,7 @@ def patch_gains(
                 e1 = _path_length(p1, here, there, apart)
                 e2 = _path_length(p2, here, there, apart)
                 rise = max(abs(0.5 * (l1 + l2) - e0), abs(0.5 * (l2 + l0) - e1), abs(0.5 * (l0 + l1) - e2))
-                parts = min(max(int(np.ceil(np.sqrt(wavenumber * rise / most_sagitta))), 1), MAX_PARTS)
+                parts = min(max(int(np.ceil(np.sqrt(rise / most_rise))), 1), MAX_PARTS)
                 if parts == 1:
                     for m in range(3):
                         _store(lattice, m, ends[m])

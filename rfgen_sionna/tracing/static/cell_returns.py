@@ -202,30 +202,29 @@ class CellReturns:
         outer = expansions.representative()
         known: dict[tuple[bytes, bytes], tuple[ComplexArray, ComplexArray, float]] = {}
 
-        def fits(u: FloatArray, pairs: IntArray, basis: list[tuple[int, ...]]) -> bool:
+        def fits(u: FloatArray, pairs: IntArray, tried: Expansion) -> bool:
             key = u.tobytes(), pairs.tobytes()
             if key not in known:
                 exact, waves = self._exact(segments, u, pairs), self._waves(segments, u, pairs)
                 energy = float((np.abs(exact * waves) ** 2).mean(axis=0).sum())
                 known[key] = exact, waves, max(_rms((exact * waves).sum(axis=1)), np.sqrt(energy + level**2))
             exact, waves, scale = known[key]
-            tried = expansions.through(basis)
             weights = tried.weights.reshape(tried.order, -1, tried.weights.shape[-1])[:, pairs]
             weights = np.einsum("pk,kpn->pn", np.vander(u, tried.order, increasing=True), weights)
             off = (weights @ self._values(segments, tried) - exact) * waves
             return _rms(off.sum(axis=1)) <= EXPANSION_SHARE * self.rtol * scale
 
         order, degree, first = 1, 0, np.zeros(len(PROBES), np.int32)
-        while order < MAX_ORDER and not fits(PROBES, first, [(k, 0, 0, 0, 0) for k in range(order)]):
+        while order < MAX_ORDER and not fits(PROBES, first, expansions.over_band(order)):
             order += 1
         middle, ends = np.zeros(len(outer)), np.repeat([-1.0, 1.0], len(outer))
         if len(outer) > 1:
-            while degree < MAX_DEGREE and not fits(middle, outer, expansions.basis(1, degree, full=True)):
+            while degree < MAX_DEGREE and not fits(middle, outer, expansions.through(expansions.basis(1, degree, full=True))):
                 degree += 1
-        basis = expansions.basis(order, degree, full=False)
-        if degree and order > 1 and not fits(ends, np.tile(outer, 2), basis):
-            basis = expansions.basis(order, degree, full=True)
-        return expansions.through(basis)
+        found = expansions.through(expansions.basis(order, degree, full=False))
+        if degree and order > 1 and not fits(ends, np.tile(outer, 2), found):
+            found = expansions.through(expansions.basis(order, degree, full=True))
+        return found
 
 
 @dataclass
