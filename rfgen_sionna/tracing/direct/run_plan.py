@@ -90,7 +90,7 @@ class RunScene:
     def sampler(self, mesh: FacetMesh, settings: Settings) -> Sampler:
         """Samples a `mesh` with these `settings`."""
         known = self.positions, self.band.viewpoint, self.max_range
-        return Sampler(mesh, *known, settings.resolution, self.static)
+        return Sampler(mesh, *known, settings.resolution, self.static, self.group)
 
     def nodes(self, table: FloatArray, nearest: float) -> GainNodes:
         """Nodes of a `table` (node, 7) for facets that are `nearest` [m] at least."""
@@ -195,17 +195,17 @@ class _Planner:
 
     def settings(self, first: Settings) -> tuple[Settings, FloatArray]:
         """Settings that meet the tolerance, from the `first` ones on, and the error (group,) with them."""
-        settings, before = first, np.inf
+        settings, error = first, self._error(first)
         for attempt in range(MAX_ROUNDS):
-            error = self._error(settings)
             worst = float(error.max(initial=0.0))
             if worst <= SAFETY * self._scene.rtol:
                 break
-            if attempt == MAX_ROUNDS - 1 or worst > 0.7 * before:
+            finer = self._error(settings.finer()) if attempt < MAX_ROUNDS - 1 else error
+            if float(finer.max(initial=0.0)) > 0.7 * worst:  # what is left is no matter of these settings
                 name = self._scene.surfaces[int(np.argmax(error))].name
                 _LOG.warning("the return of '%s' has a relative error of %.2g (rtol: %g)", name, worst, self._scene.rtol)
                 break
-            settings, before = settings.finer(), worst
+            settings, error = settings.finer(), finer
         return settings, error
 
     def plan(self, settings: Settings, error: FloatArray | float = 0.0) -> RunPlan:

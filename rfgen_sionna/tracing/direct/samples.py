@@ -39,7 +39,7 @@ class Sample:
 @dataclass(frozen=True)
 class Sampler:
     """Samples the facets of a `mesh` with vertices at `positions`, seen from the `viewpoint` (3,) [m] within `max_range`
-    [m], with `resolution` pixels along a surface. The `static` items occlude and are occluded."""
+    [m], with `resolution` pixels along an actor. The `static` items occlude and are occluded."""
 
     mesh: FacetMesh
     positions: Positions
@@ -47,12 +47,14 @@ class Sampler:
     max_range: float
     resolution: int
     static: StaticItems
+    group: IntArray
+    """(surface,) actor of each surface."""
 
     def at(self, times: Sequence[float]) -> list[Sample]:
         """Samples at `times` [s], in common views."""
         mesh = self.mesh
         points = [mesh.points(self.positions(t), self.viewpoint) for t in times]
-        views = choose_views(points, mesh.meshes.vertex_range, self.resolution)
+        views = choose_views(points, mesh.meshes.vertex_range, self.resolution, self.group)
         buffer = ItemBuffer(mesh.meshes, views, self.static)
         found = []
         for each in points:

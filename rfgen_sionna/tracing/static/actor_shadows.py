@@ -18,6 +18,10 @@ LEAVE_ONE_OUT_SCALE = 0.35
 """Typical error of a spline through all knots over that of predictions of single knots."""
 
 
+OMITTED = 0.1
+"""Share of the tolerance for what the weakest shadowed paths return together, each by its magnitude."""
+
+
 @dataclass(frozen=True)
 class Shadow:
     """Change of static paths by actors: gains times the visible share minus 1. Static paths plus shadow are what is
@@ -71,6 +75,10 @@ def cast_shadows(static: Any, times: FloatArray, shadows: Sequence[Shadows]) -> 
     left = np.ones((len(every), len(times)))
     for k, (index, share) in enumerate(shadows):
         left[np.searchsorted(every, index), k] = share
+    strength = static.strength_of(every)
+    if static.level > 0:  # oblique facets return next to nothing
+        some = significant((1.0 - left.min(axis=1)) * strength, OMITTED * static.returns.rtol * static.level)
+        every, left = every[some], left[some]
     paths, weight = static.paths_of(every)
     every = np.where(every < len(static.facets), every, -1)
     changing, steady = (shadow.at(every) for shadow in cast_shadow(paths, left, times))
@@ -81,6 +89,12 @@ def cast_shadows(static: Any, times: FloatArray, shadows: Sequence[Shadows]) -> 
         off = (waves * weight) @ (left @ leave_one_out(len(times)).T)
         missed = LEAVE_ONE_OUT_SCALE * float(np.sqrt(np.mean(np.abs(off) ** 2))) / static.level
     return tuple(each for each in (changing, steady) if each.paths.num_paths), missed
+
+
+def significant(strength: FloatArray, allowed: float) -> NDArray[np.intp]:
+    """Indices, ascending, of all but the weakest ones, whose root of the sum of squares is at most `allowed`."""
+    order = np.argsort(strength, kind="stable")
+    return np.sort(order[np.cumsum(strength[order] ** 2) > allowed**2])
 
 
 @dataclass(frozen=True)

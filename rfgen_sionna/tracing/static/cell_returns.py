@@ -242,6 +242,7 @@ class DividedCells:
     _places: list[FloatArray] = field(default_factory=list)
     _paths: list[RadarPaths] = field(default_factory=list)
     _weights: list[FloatArray] = field(default_factory=list)
+    _strengths: list[FloatArray] = field(default_factory=list)
     _count: int = 0
 
     def facets(self, cells: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
@@ -256,6 +257,7 @@ class DividedCells:
             self._places.append(facets.corners - self.viewpoint)
             self._paths.append(paths)
             self._weights.append(self.pattern_gain(facets.directions(self.viewpoint)))
+            self._strengths.append(np.abs(paths.a[..., 0]).max(axis=(0, 1)) * self._weights[-1])
         own = [self._lists[self._number[each]] for each in cells.tolist()]
         index = np.concatenate([np.zeros(0, np.intp), *own])
         if len(self._places) > 1:
@@ -265,9 +267,18 @@ class DividedCells:
 
     def paths(self, index: NDArray[np.intp]) -> tuple[RadarPaths, FloatArray]:
         """Paths of facets by their numbers, and their (facet,) pattern gains."""
+        self._join()
+        return self._paths[0].select(index), self._weights[0][index]
+
+    def strength(self, index: NDArray[np.intp]) -> FloatArray:
+        """(facet,) largest magnitude of the gains of any pair, with the element pattern."""
+        self._join()
+        return self._strengths[0][index]
+
+    def _join(self) -> None:
         if len(self._paths) > 1:
             self._paths, self._weights = [RadarPaths.concatenate(self._paths)], [np.concatenate(self._weights)]
-        return self._paths[0].select(index), self._weights[0][index]
+            self._strengths = [np.concatenate(self._strengths)]
 
 
 def _rms(values: ComplexArray) -> float:

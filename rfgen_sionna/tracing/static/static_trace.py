@@ -106,6 +106,18 @@ class StaticTrace:
 
         return DividedCells(divide, self.viewpoint, band.pattern_gain)
 
+    @cached_property
+    def _strength(self) -> FloatArray:
+        """(facet,) largest magnitude of the gains of any pair, with the element pattern."""
+        return np.asarray(np.abs(self.paths.a[:, :, : len(self.facets), 0]).max(axis=(0, 1)) * self.weight)
+
+    def strength_of(self, index: NDArray[np.intp]) -> FloatArray:
+        """(facet,) magnitude of the returns of facets, numbered as of :meth:`paths_of`."""
+        own = index[index < len(self.facets)]
+        if self.divided_cells is None or len(own) == len(index):
+            return self._strength[own]
+        return np.concatenate([self._strength[own], self.divided_cells.strength(index[len(own) :] - len(self.items))])
+
     def paths_of(self, index: NDArray[np.intp]) -> tuple[RadarPaths, FloatArray]:
         """Paths of facets, ascending, by their number in `items` or, of cells, from the number of items on; and their
         (facet,) pattern gains."""

@@ -83,9 +83,11 @@ class View:
     """Surfaces that it shows."""
 
 
-def choose_views(points: Sequence[FloatArray], vertex_range: IntArray, resolution: int) -> list[View]:
+def choose_views(
+    points: Sequence[FloatArray], vertex_range: IntArray, resolution: int, group: IntArray | None = None
+) -> list[View]:
     """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the smallest
-    surface of a view is `resolution` pixels wide or high."""
+    `group` (surface,) of surfaces of a view is `resolution` pixels wide or high. None makes each surface a group."""
     count = len(vertex_range)
     used = [k for k in range(count) if vertex_range[k, 1] > vertex_range[k, 0]]
     if not used:
@@ -103,7 +105,11 @@ def choose_views(points: Sequence[FloatArray], vertex_range: IntArray, resolutio
     for cluster in _clusters(outlines):
         low = np.min([outlines[k][0] for k in cluster], axis=0)
         high = np.max([outlines[k][1] for k in cluster], axis=0)
-        extent = min(max(float((outlines[k][1] - outlines[k][0]).max()), 1e-9) for k in cluster)
+        extent = np.inf
+        for number in {k if group is None else int(group[k]) for k in cluster}:
+            own = [outlines[k] for k in cluster if (k if group is None else group[k]) == number]
+            size = np.max([each[1] for each in own], axis=0) - np.min([each[0] for each in own], axis=0)
+            extent = min(extent, max(float(size.max()), 1e-9))
         scale = (resolution - 2 * MARGIN) / extent
         size = (high - low) * scale + 2 * MARGIN
         if size[0] * size[1] > MAX_PIXELS:
