@@ -320,16 +320,20 @@ class Tracer:
         self._positions.clear()
         moving = self.follow().indirect
         if moving is None:
-            traced = self._trace_direct(t, t, TraceRun(None, True, None), None)
+            plan, names = RunPlan.of(self._run_scene, t, t, 0.0), (self.surfaces.object_names, self.surfaces.part_names)
+            found = trace_direct(plan, t, t, names)
+            static, actors = self.static.occluded_by(*found.shadows[0]), found.paths
+            if indirect:
+                static, actors = (each.select(np.zeros(0, np.intp)) for each in (static, actors))
         else:
             if self.actors:
                 moving.prepare(self._vertices, (t,))
             traced = self._traced(np.array([t]), np.array([t]), moving)
-        (static, visible), actors = traced.shadowed_static(), traced.moving
-        if indirect:
-            visible[: self.static.paths.num_paths] = False
-            actors = actors.select(np.arange(len(traced.places(t)), actors.num_paths))
-        static = static if visible.all() else static.select(visible)
+            (static, visible), actors = traced.shadowed_static(), traced.moving
+            if indirect:
+                visible[: self.static.paths.num_paths] = False
+                actors = actors.select(np.arange(len(traced.places(t)), actors.num_paths))
+            static = static if visible.all() else static.select(visible)
         paths = RadarPaths.concatenate([replace(static, times=np.array([t])), actors])
         if self.radar.trajectory is None:
             return paths

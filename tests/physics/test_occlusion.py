@@ -57,7 +57,7 @@ def test_plate_hides_a_sphere(radar):
         plate = MeshActor.from_mesh(board, material="pec", position=(1.5, y, 1), name="plate")
         paths = of(Simulator(None, radar, [ball, plate], rtol=1e-3).paths(), "ball")
         if remains:
-            assert abs(channel(paths)) == pytest.approx(alone, rel=1e-3)
+            assert abs(channel(paths)) == pytest.approx(alone, rel=2e-3)  # each within its tolerance
         else:
             assert paths.num_paths == 0 or abs(channel(paths)) < 10 ** (-30 / 20) * alone
 

@@ -195,17 +195,17 @@ class _Planner:
 
     def settings(self, first: Settings) -> tuple[Settings, FloatArray]:
         """Settings that meet the tolerance, from the `first` ones on, and the error (group,) with them."""
-        settings, error = first, self._error(first)
+        settings, before = first, np.inf
         for attempt in range(MAX_ROUNDS):
+            error = self._error(settings)
             worst = float(error.max(initial=0.0))
             if worst <= SAFETY * self._scene.rtol:
                 break
-            finer = self._error(settings.finer()) if attempt < MAX_ROUNDS - 1 else error
-            if float(finer.max(initial=0.0)) > 0.7 * worst:  # what is left is no matter of these settings
+            if attempt == MAX_ROUNDS - 1 or worst > 0.7 * before:
                 name = self._scene.surfaces[int(np.argmax(error))].name
                 _LOG.warning("the return of '%s' has a relative error of %.2g (rtol: %g)", name, worst, self._scene.rtol)
                 break
-            settings, error = settings.finer(), finer
+            settings, before = settings.finer(), worst
         return settings, error
 
     def plan(self, settings: Settings, error: FloatArray | float = 0.0) -> RunPlan:

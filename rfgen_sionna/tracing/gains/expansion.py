@@ -189,7 +189,9 @@ class ArrayExpansions:
         u = band_nodes(order)
         weights = np.linalg.inv(np.vander(u, order, increasing=True))[:, None, None]
         shape = order, len(self._tx), len(self._rx), order
-        return Expansion(self.nodes(u, np.zeros(order, np.int32)), order, np.ascontiguousarray(np.broadcast_to(weights, shape)))
+        return Expansion(
+            self.nodes(u, np.zeros(order, np.int32)), order, np.ascontiguousarray(np.broadcast_to(weights, shape))
+        )
 
     def through(self, basis: Sequence[tuple[int, ...]]) -> Expansion:
         """Interpolation by `basis` at as many pairs of the radar and Chebyshev nodes of the band. Pivoted QR picks

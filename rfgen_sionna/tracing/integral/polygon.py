@@ -11,7 +11,8 @@ with distance d from the foot point has the gain
 
     a = -(1 / 8 pi) (h / k) d * integral of F exp(-2j k r) / (r rho)^2 ds
 
-F and the pattern gain are to leading order those at the edge; the next order is smaller by 1 / (k r).
+The next order, from the change of F / r^2 and of the pattern gain outwards, replaces F / r^2 by itself plus its derivative
+by r over 2j k. It matters where F vanishes, at Brewster's angle.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from rfgen_sionna.tracing.integral.phasor_moments import FAST
 MAX_DIRECT_PHASE = 7.0
 """Phase [rad] at the end of a segment up to which quadrature takes its moments, and recursion beyond: that is stable
 where the phase is above the order."""
+STEP = 1e-4
+"""Step of the derivative outwards, over the distance from the foot point."""
 _MIN_DISTANCE = 1e-4
 _ORDERS = 7
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(14)
@@ -75,7 +78,7 @@ def edge_gains(
         (edge, 3) gradient of the logarithm of the pattern gain [1/m]; empty means none.
     """
     tx_field, rx_field = (fields[0, 0], fields[0, 1], fields[0, 2]), (fields[1, 0], fields[1, 1], fields[1, 2])
-    moments = np.empty(_ORDERS, np.complex128)
+    moments, strength, weight = np.empty(_ORDERS, np.complex128), np.empty(3, np.complex128), np.empty(3)
     for q in range(start.shape[0]):
         a, b = (start[q, 0], start[q, 1], start[q, 2]), (stop[q, 0], stop[q, 1], stop[q, 2])
         n = (normal[q, 0], normal[q, 1], normal[q, 2])
@@ -101,21 +104,26 @@ def edge_gains(
             # Strength at both ends and in the middle, and the parabola through them.
             from_foot = plus(centre, scaled(n, height))
             turn = dot(n, cross(from_foot, along)) / half
-            strengths = (0j, 0j, 0j)
+            medium = media[m, material[q]]
             for k in range(3):
                 offset = scaled(along, k - 1.0)
-                lateral = plus(from_foot, offset)
-                point = plus(middle, offset)
-                own = obliquity(
-                    media[m, material[q]], wavenumber, n, point, here, there, tx_field, rx_field, bistatic
-                ) * (turn * (1.0 + tilt * (k - 1.0)) / max(dot(lateral, lateral), 1e-18))  # fmt: skip
-                if k == 0:
-                    strengths = (own, strengths[1], strengths[2])
-                elif k == 1:
-                    strengths = (strengths[0], own, strengths[2])
-                else:
-                    strengths = (strengths[0], strengths[1], own)
-            w0, w1, w2 = strengths[1], 0.5 * (strengths[2] - strengths[0]), 0.5 * (strengths[2] + strengths[0]) - strengths[1]
+                lateral, point = plus(from_foot, offset), plus(middle, offset)
+                strength[k] = obliquity(medium, wavenumber, n, point, here, there, tx_field, rx_field, bistatic)
+                weight[k] = turn * (1.0 + tilt * (k - 1.0)) / max(dot(lateral, lateral), 1e-18)
+            lateral = norm(from_foot)
+            step = STEP * lateral
+            point = plus(middle, scaled(from_foot, STEP))
+            further = obliquity(medium, wavenumber, n, point, here, there, tx_field, rx_field, bistatic)
+            outwards = 0.0
+            if gradient.shape[0]:
+                outwards = gradient[q, 0] * from_foot[0] + gradient[q, 1] * from_foot[1] + gradient[q, 2] * from_foot[2]
+                outwards /= max(lateral, 1e-9)
+            change = (further - strength[1]) / max(step, 1e-12) + strength[1] * outwards
+            change = change * complex(0.0, -0.5 * distance / (wavenumber * max(lateral, 1e-9)))
+            low, w0, high = (
+                weight[0] * (strength[0] + change), weight[1] * (strength[1] + change), weight[2] * (strength[2] + change)
+            )  # fmt: skip
+            w1, w2 = 0.5 * (high - low), 0.5 * (high + low) - w0
             # Phase in the middle by derivatives: s x + b x^2 + c x^3.
             u = dot(centre, along) / (half * distance)
             square = 1.0 - u * u

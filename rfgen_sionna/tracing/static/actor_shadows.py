@@ -63,7 +63,7 @@ def cast_shadow(
         tau=over_time(chosen.tau, 3), tau_rate=over_time(chosen.tau_rate, 3), times=knots,
         direction=over_time(chosen.direction, 1), arrival=over_time(chosen.arrival, 1),
     )  # fmt: skip
-    return Shadow(changing, index), Shadow(_weighted(paths.select(steady), left[steady, :1] - 1.0), steady)
+    return Shadow(changing, index), Shadow(weighted(paths.select(steady), left[steady, :1] - 1.0), steady)
 
 
 def cast_shadows(static: Any, times: FloatArray, shadows: Sequence[Shadows]) -> tuple[tuple[Shadow, ...], float]:
@@ -113,6 +113,7 @@ class StaticIndirectPaths:
         return cast_shadow(self.paths, left, knots)
 
 
-def _weighted(paths: RadarPaths, weight: FloatArray) -> RadarPaths:
+def weighted(paths: RadarPaths, weight: FloatArray) -> RadarPaths:
+    """The `paths` with gains times `weight` (path, time)."""
     dispersion = None if paths.dispersion is None else paths.dispersion * weight
     return replace(paths, a=paths.a * weight, dispersion=dispersion)

@@ -86,7 +86,10 @@ def outlines(corners: FloatArray, group: IntArray) -> Segments:
     kept = np.flatnonzero(turns != 0)
     index = first[kept]
     along = (one[index] < other[index]) == (turns[kept] > 0)
-    start, stop = np.where(along[:, None], start[index], stop[index]), np.where(along[:, None], stop[index], start[index])
+    start, stop = (
+        np.where(along[:, None], start[index], stop[index]),
+        np.where(along[:, None], stop[index], start[index]),
+    )
     return Segments(start, stop, cell[index])
 
 

@@ -36,11 +36,7 @@ def divide_faces(surfaces: Surfaces, band: BandTracer, rtol: float, max_range: f
     are left out."""
     corners = [points[each.faces] for points, each in zip(surfaces.static_vertices, surfaces.static, strict=True)]
     faces = np.concatenate([np.zeros((0, 3, 3)), *corners]) - band.viewpoint
-    flat = [
-        each.first_facet + np.arange(len(each.faces))
-        for each in surfaces.static
-        if is_divided(each)
-    ]
+    flat = [each.first_facet + np.arange(len(each.faces)) for each in surfaces.static if is_divided(each)]
     chosen = np.concatenate([np.zeros(0, np.intp), *flat]).astype(np.intp)
     nearest = band.baseline / np.sqrt(MONOSTATIC * rtol)
     return find_cells(faces, chosen, _wavenumber(band), _swing(band), max_range, nearest, band.reach)
@@ -145,7 +141,9 @@ class CellReturns:
         larger of their coherent and incoherent sums."""
         segments, probes = self.returns.segments, PROBES
         pairs = np.zeros(len(probes), np.int32)
-        gains = np.einsum("po,os->ps", np.vander(probes, len(self.returns.gains), increasing=True), self.returns.gains[:, 0, 0])
+        gains = np.einsum(
+            "po,os->ps", np.vander(probes, len(self.returns.gains), increasing=True), self.returns.gains[:, 0, 0]
+        )
         coarse, fine = gains * self._waves(segments, probes, pairs), segments.halved()
         exact = self._exact(fine, probes, pairs) * self._waves(fine, probes, pairs)
         whole = coarse.sum(axis=1)
@@ -219,7 +217,9 @@ class CellReturns:
             order += 1
         middle, ends = np.zeros(len(outer)), np.repeat([-1.0, 1.0], len(outer))
         if len(outer) > 1:
-            while degree < MAX_DEGREE and not fits(middle, outer, expansions.through(expansions.basis(1, degree, full=True))):
+            while degree < MAX_DEGREE and not fits(
+                middle, outer, expansions.through(expansions.basis(1, degree, full=True))
+            ):
                 degree += 1
         found = expansions.through(expansions.basis(order, degree, full=False))
         if degree and order > 1 and not fits(ends, np.tile(outer, 2), found):
@@ -264,6 +264,16 @@ class DividedCells:
             self._places = [np.concatenate(self._places)]
         owner = np.repeat(cells, [len(each) for each in own])
         return index, owner, self._places[0][index] if len(index) else np.zeros((0, 3, 3))
+
+    def around(self, index: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Cells of facets by their numbers, and all facets of these cells, both ascending."""
+        own = [
+            (cell, self._lists[k])
+            for cell, k in self._number.items()
+            if len(index) and np.isin(self._lists[k], index).any()
+        ]
+        facets = np.concatenate([np.zeros(0, np.intp), *(each for _, each in own)])
+        return np.array(sorted(cell for cell, _ in own), np.intp), np.sort(facets)
 
     def paths(self, index: NDArray[np.intp]) -> tuple[RadarPaths, FloatArray]:
         """Paths of facets by their numbers, and their (facet,) pattern gains."""

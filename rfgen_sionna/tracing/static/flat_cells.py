@@ -266,7 +266,9 @@ def _divide(
                 _set_cone(corners, 3, unit, own)
                 for m in range(used[depth - 1]):
                     g = lists[depth - 1, m]
-                    if _apart(own, unit, 3, directions[g], counts[g]) or _apart(planes[g], directions[g], counts[g], unit, 3):
+                    if _apart(own, unit, 3, directions[g], counts[g]) or _apart(
+                        planes[g], directions[g], counts[g], unit, 3
+                    ):
                         continue
                     lists[depth, n] = g
                     n += 1

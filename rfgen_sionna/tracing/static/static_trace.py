@@ -23,7 +23,7 @@ from rfgen_sionna.tracing.shadows.adaptive_sampling import (
 )
 from rfgen_sionna.tracing.shadows.shadow_cones import BoundingSpheres, bounding_spheres, in_shadow_cones
 from rfgen_sionna.tracing.shadows.silhouettes import FacetLocator, SilhouetteRays, static_silhouettes
-from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
+from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow, weighted
 from rfgen_sionna.tracing.static.cell_returns import CellReturns, DividedCells, divide_faces
 from rfgen_sionna.tracing.static.static_facets import (
     SlabEdgeTransmission,
@@ -101,10 +101,30 @@ class StaticTrace:
             own = cells.cells.take(index)
             facets, owner = facets_of_cells(surfaces, band, self.viewpoint, self.tolerance, own)
             facets = facets.with_pattern_gradient(band.pattern_gradient(facets))
-            gains = band.combined(self.returns.expansion, band.values(facets, self.returns.materials, self.returns.expansion))
+            gains = band.combined(
+                self.returns.expansion, band.values(facets, self.returns.materials, self.returns.expansion)
+            )
             return facets, owner, _paths(surfaces, facets, gains, band, self.viewpoint, names)
 
         return DividedCells(divide, self.viewpoint, band.pattern_gain)
+
+    def occluded_by(self, hidden: NDArray[np.intp], share: FloatArray) -> RadarPaths:
+        """All paths where facets `hidden`, ascending and numbered as of :meth:`paths_of`, have the visible `share`
+        (hidden,). Cells that have hidden facets are facets."""
+        left = np.ones(len(self.facets))
+        own = hidden < len(self.facets)
+        left[hidden[own]] = share[own]
+        parts = [weighted(self.paths.select(np.flatnonzero(left)), left[left > 0, None])]
+        if self.cells is not None and self.divided_cells is not None and self.surfaces is not None:
+            names = self.surfaces.object_names, self.surfaces.part_names
+            number = hidden[~own] - len(self.items)
+            cells, index = self.divided_cells.around(number)
+            if len(index):
+                seen = np.ones(len(index))
+                seen[np.searchsorted(index, number)] = share[~own]
+                parts.append(weighted(self.divided_cells.paths(index[seen > 0])[0], seen[seen > 0, None]))
+            parts.append(self.cells.paths(self.cells.without(cells) if len(cells) else self.cells.returns, names))
+        return RadarPaths.concatenate(parts)
 
     @cached_property
     def _strength(self) -> FloatArray:
@@ -127,7 +147,6 @@ class StaticTrace:
             return paths, weight
         more, weights = self.divided_cells.paths(index[len(own) :] - len(self.items))
         return RadarPaths.concatenate([paths, more]), np.concatenate([weight, weights])
-
 
     @cached_property
     def unoccluded(self) -> NDArray[np.int64]:
@@ -319,17 +338,21 @@ def trace_static(
     if (rough := band.diffuse(facets, materials)) is not None:  # each facet by itself
         gains[0] += np.sqrt(visible.fraction) * rough  # energy goes with the visible area
     names = surfaces.object_names, surfaces.part_names
-    paths, error, scale = _paths(surfaces, facets, gains, band, viewpoint, names), found.total, found.scale
+    paths, error, scale = (
+        _paths(surfaces, facets, gains, band, viewpoint, names),
+        np.hypot(found.total, SAFETY * visible.missed),
+        found.scale,
+    )
     cells = None if divided is None else CellReturns.of(surfaces, band, rtol, divided, scale)
     if cells is not None:
         paths = RadarPaths.concatenate([paths, cells.paths(cells.returns, names)])
         missed, level = cells.error()
         whole = float(np.hypot(scale, level))
-        error, scale = float(np.hypot(error * scale, missed)) / max(whole, 1e-300), whole
+        error, scale = np.hypot(error * scale, missed) / max(whole, 1e-300), whole
     return StaticTrace(
         paths, facets, visible.fraction, rays, viewpoint, rays_sent,
-        float(np.hypot(error, SAFETY * visible.missed)), scale, found.level, visible.whole, visible.hidden,
-        visible.hidden_fraction, rtol * resolution, replace(returns, rough=rough), cells, surfaces,
+        float(error), scale, found.level, visible.whole, visible.hidden, visible.hidden_fraction, rtol * resolution,
+        replace(returns, rough=rough), cells, surfaces,
     )  # fmt: skip
 
 
