@@ -6,7 +6,7 @@ The plan depends on the run alone, not on the order in which its intervals are t
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np

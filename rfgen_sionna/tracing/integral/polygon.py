@@ -11,8 +11,8 @@ with distance d from the foot point has the gain
 
     a = -(1 / 8 pi) (h / k) d * integral of F exp(-2j k r) / (r rho)^2 ds
 
-The next order, from the change of F / r^2 and of the pattern gain outwards, replaces F / r^2 by itself plus its derivative
-by r over 2j k. It matters where F vanishes, at Brewster's angle.
+The next order, from the change of F / r^2 and of the pattern gain outwards, replaces F / r^2 by itself plus its
+derivative by r over 2j k. It matters where F vanishes, at Brewster's angle.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ def _moments(slope: float, found: Any) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def edge_gains(
-    start: Any, stop: Any, normal: Any, material: Any, nodes: Any, fields: Any, media: Any, bistatic: bool, gradient: Any,
-    gains: Any,
+    start: Any, stop: Any, normal: Any, material: Any, nodes: Any, fields: Any, media: Any, bistatic: bool,
+    gradient: Any, gains: Any,
 ) -> None:  # fmt: skip
     """Gains (node, edge) of short edges without the propagation phase of their middles.
 
@@ -121,7 +121,8 @@ def edge_gains(
             change = (further - strength[1]) / max(step, 1e-12) + strength[1] * outwards
             change = change * complex(0.0, -0.5 * distance / (wavenumber * max(lateral, 1e-9)))
             low, w0, high = (
-                weight[0] * (strength[0] + change), weight[1] * (strength[1] + change), weight[2] * (strength[2] + change)
+                weight[0] * (strength[0] + change), weight[1] * (strength[1] + change),
+                weight[2] * (strength[2] + change),
             )  # fmt: skip
             w1, w2 = 0.5 * (high - low), 0.5 * (high + low) - w0
             # Phase in the middle by derivatives: s x + b x^2 + c x^3.

@@ -67,8 +67,8 @@ def cast_shadow(
 
 
 def cast_shadows(static: Any, times: FloatArray, shadows: Sequence[Shadows]) -> tuple[tuple[Shadow, ...], float]:
-    """Shadows on the direct paths of a `static` trace at each of the `times` [s], and their error between these, relative
-    to the static reference level."""
+    """Shadows on the direct paths of a `static` trace at each of the `times` [s], and their error between these,
+    relative to the static reference level."""
     every = np.unique(np.concatenate([np.zeros(0, np.intp), *(index for index, _ in shadows)]))
     if not len(every):
         return (), 0.0

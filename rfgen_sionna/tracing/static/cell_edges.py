@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ class Segments(NamedTuple):
 
     def take(self, index: NDArray[np.intp]) -> Segments:
         """Those of an `index` (segment,)."""
-        return Segments(*(each[index] for each in self))
+        return Segments(self.start[index], self.stop[index], self.cell[index])
 
     def halved(self) -> Segments:
         """Both halves of each."""
@@ -55,8 +55,8 @@ def towards(corners: FloatArray) -> FloatArray:
 
 
 def outlines(corners: FloatArray, group: IntArray) -> Segments:
-    """Edges of the union of cells `corners` (cell, 3, 3) [m] relative to the viewpoint: those that two coplanar cells of
-    one `group` (cell,) share are left out. Cells come from bisection, so that long edges meet halves of themselves."""
+    """Edges of the union of cells `corners` (cell, 3, 3) [m] relative to the viewpoint: those that two coplanar cells
+    of one `group` (cell,) share are left out. Cells come from bisection, so that long edges meet halves of themselves."""
     if not len(corners):
         return Segments(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.intp))
     normal = towards(corners)
@@ -93,7 +93,7 @@ def outlines(corners: FloatArray, group: IntArray) -> Segments:
     return Segments(start, stop, cell[index])
 
 
-def _keys(points: FloatArray, number: IntArray) -> NDArray[np.uint64]:
+def _keys(points: FloatArray, number: NDArray[np.integer[Any]]) -> NDArray[np.uint64]:
     """(point,) hashes of positions (point, 3) [m] on a grid, and of a `number` (point,)."""
     cells = np.floor(points / _GRID + 0.3217).astype(np.int64).view(np.uint64)
     with np.errstate(over="ignore"):

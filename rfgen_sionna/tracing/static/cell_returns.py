@@ -32,8 +32,8 @@ MAX_ORDER, MAX_DEGREE = 8, 6
 
 
 def divide_faces(surfaces: Surfaces, band: BandTracer, rtol: float, max_range: float) -> FlatCells:
-    """Cells of the flat, smooth surfaces at rest within `max_range` [m], and the pieces around them; the faces of others
-    are left out."""
+    """Cells of the flat surfaces at rest within `max_range` [m], and the pieces around them; the faces of others are
+    left out."""
     corners = [points[each.faces] for points, each in zip(surfaces.static_vertices, surfaces.static, strict=True)]
     faces = np.concatenate([np.zeros((0, 3, 3)), *corners]) - band.viewpoint
     flat = [each.first_facet + np.arange(len(each.faces)) for each in surfaces.static if is_divided(each)]
@@ -246,7 +246,7 @@ class DividedCells:
     _count: int = 0
 
     def facets(self, cells: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-        """Numbers of the facets of `cells`, the cell of each, and (facet, 3, 3) corners [m] relative to the viewpoint."""
+        """Numbers of the facets of `cells`, the cell of each, and (facet, 3, 3) corners [m] from the viewpoint."""
         fresh = np.array([each for each in cells.tolist() if each not in self._number], np.intp)
         if len(fresh):
             facets, owner, paths = self.divide(fresh)

@@ -41,7 +41,7 @@ class FlatCells(NamedTuple):
 
     def take(self, index: NDArray[np.intp]) -> FlatCells:
         """Those of an `index` (triangle,)."""
-        return FlatCells(*(each[index] for each in self))
+        return FlatCells(self.face[index], self.weights[index], self.corners[index], self.visible[index])
 
 
 def is_divided(surface: Surface) -> bool:
@@ -76,8 +76,8 @@ def _cross(a: Any, b: Any, found: Any) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _set_cone(corners: Any, count: int, directions: Any, planes: Any) -> None:
-    """Unit vectors into `directions` (corner, 3) of the `count` corners of a convex polygon, and unit normals into `planes`
-    (corner, 3) of the planes through the viewpoint and each edge, inwards; degenerate planes are zero."""
+    """Unit vectors into `directions` (corner, 3) of the `count` corners of a convex polygon, and unit normals into
+    `planes` (corner, 3) of the planes through the viewpoint and each edge, inwards; degenerate planes are zero."""
     x, y, z = 0.0, 0.0, 0.0
     for i in range(count):
         size = max(np.sqrt(corners[i, 0] ** 2 + corners[i, 1] ** 2 + corners[i, 2] ** 2), 1e-12)
@@ -127,8 +127,8 @@ def _apart(planes: Any, own: Any, count: int, other: Any, others: int) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def _clip(corners: Any, away: Any, found: Any) -> int:
-    """Part of a triangle with corners at the distances `away` (3,) of a plane, at distances above 0; returns its number of
-    corners."""
+    """Part of a triangle with corners at the distances `away` (3,) of a plane, at distances above 0; returns its number
+    of corners."""
     count = 0
     for i in range(3):
         n = (i + 1) % 3

@@ -80,7 +80,8 @@ class Tessellation:
         (piece, 3, 3) of the pieces. Neither may have grains."""
         order = np.argsort(face[self.face], kind="stable")
         own = self.face[order]
-        flat, curved = (None if each is None else each[order] for each in (self.flat_parts, self.curved_parts))
+        flat = None if self.flat_parts is None else self.flat_parts[order]
+        curved = None if self.curved_parts is None else self.curved_parts[order]
         return Tessellation(face[own], self.weights[order] @ weights[own], self.parts[order], flat, curved)
 
     def are_the_faces(self, count: int) -> bool:

@@ -54,7 +54,7 @@ def _no_cells(_: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp], 
 
 @dataclass(frozen=True)
 class StaticItems:
-    """Surfaces at rest that occlude and are occluded: facets, and large triangles whose facets matter in a shadow alone."""
+    """Surfaces at rest that occlude and are occluded: facets, and large triangles, divided where a shadow falls."""
 
     corners: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 3)))
     """(item, 3, 3) [m] relative to the viewpoint, visible without actors; facets first."""
@@ -86,8 +86,8 @@ class View:
 def choose_views(
     points: Sequence[FloatArray], vertex_range: IntArray, resolution: int, group: IntArray | None = None
 ) -> list[View]:
-    """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the smallest
-    `group` (surface,) of surfaces of a view is `resolution` pixels wide or high. None makes each surface a group."""
+    """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the
+    smallest `group` (surface,) of surfaces of a view is `resolution` pixels wide or high. None makes each surface a group."""
     count = len(vertex_range)
     used = [k for k in range(count) if vertex_range[k, 1] > vertex_range[k, 0]]
     if not used:

@@ -188,10 +188,11 @@ def count_hidden(before: Any, items: Any, first: int, hidden: Any) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def count_within(
-    left: Any, up: Any, inverse: Any, owner: Any, origin: Any, scale: float, before: Any, items: Any, first: int, hidden: Any
-) -> None:
-    """Add to `hidden` (facet,) the share of each facet on which its `owner` (facet,) was visible `before` and an item from
-    `first` on is now.
+    left: Any, up: Any, inverse: Any, owner: Any, origin: Any, scale: float, before: Any, items: Any, first: int,
+    hidden: Any,
+) -> None:  # fmt: skip
+    """Add to `hidden` (facet,) the share of each facet on which its `owner` (facet,) was visible `before` and an item
+    from `first` on is now.
 
     `left`, `up` and `inverse` (3 * facet,) are those of the facets' corners by :func:`project`. A facet without pixel
     centres of its own takes the pixel of its centroid.
