@@ -195,17 +195,20 @@ class _Planner:
 
     def settings(self, first: Settings) -> tuple[Settings, FloatArray]:
         """Settings that meet the tolerance, from the `first` ones on, and the error (group,) with them."""
-        settings, before = first, np.inf
+        settings, error = first, self._error(first)
         for attempt in range(MAX_ROUNDS):
-            error = self._error(settings)
             worst = float(error.max(initial=0.0))
             if worst <= SAFETY * self._scene.rtol:
                 break
-            if attempt == MAX_ROUNDS - 1 or worst > 0.7 * before:
+            finer = self._error(settings.finer()) if attempt < MAX_ROUNDS - 1 else error
+            falls = float(finer.max(initial=0.0)) / worst
+            if falls < 1.0:  # else what is left is no matter of these settings
+                settings, error = settings.finer(), finer
+            if falls > 0.7:
                 name = self._scene.surfaces[int(np.argmax(error))].name
+                worst = float(error.max(initial=0.0))
                 _LOG.warning("the return of '%s' has a relative error of %.2g (rtol: %g)", name, worst, self._scene.rtol)
                 break
-            settings, before = settings.finer(), worst
         return settings, error
 
     def plan(self, settings: Settings, error: FloatArray | float = 0.0) -> RunPlan:
