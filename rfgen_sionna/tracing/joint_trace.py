@@ -111,10 +111,6 @@ def trace_jointly(
         sample_times=len(sample_times),
         knots=len(knots),
         error=max(float(np.hypot(static.error, edges)) + sum(each.error for each in static_indirect), moving.error),
-        time_error=max(
-            float(np.hypot(moving.time_error, turned)), float(np.linalg.norm([candidates.error, *unseen]))
-        ),
+        time_error=max(float(np.hypot(moving.time_error, turned)), float(np.linalg.norm([candidates.error, *unseen]))),
     )
-    return Traced(
-        scene.paths, shadows, moving.paths, moving.refined, report, moving.places, moving.refined_places
-    )
+    return Traced(scene.paths, shadows, moving.paths, moving.refined, report, moving.places, moving.refined_places)
