@@ -43,7 +43,7 @@ class RelativeObject:
 
 
 def by_material(actors: Iterable[MeshActor | RelativeObject]) -> tuple[MeshActor | RelativeObject, ...]:
-    """The actors, with an object for each material of an actor of several: "car, glass"; without vertices of no face."""
+    """The actors, with an object for each material of an actor of several: "car, glass"; no unused vertices."""
     found: list[MeshActor | RelativeObject] = []
     for actor in actors:
         materials: tuple[Material, ...] = getattr(actor, "materials", ())

@@ -13,7 +13,9 @@ class TraceRun:
     def __init__(self, indirect: MovingTracer | None, cull: bool, span: tuple[float, float] | None) -> None:
         self.indirect = indirect
         """Tracer of indirect paths, with direct ones; None traces direct ones alone."""
-        self._cull, self._span = cull, span
+        self.cull = cull
+        """Whether negligible facets are omitted."""
+        self._span = span
         self._plans: dict[float, TracePlan] = {}
 
     def plan(self, scene: RunScene, start: float, stop: float) -> TracePlan:
@@ -22,7 +24,7 @@ class TraceRun:
         known = self._plans.get(length)
         if self._span is not None and start >= self._span[0] - 1e-9 and stop <= self._span[1] + 1e-9:
             if known is None:
-                known = self._plans[length] = plan_run(scene, *self._span, length, self._cull)
+                known = self._plans[length] = plan_run(scene, *self._span, length, self.cull)
         elif known is None or not known.holds(start):
-            known = self._plans[length] = plan_run(scene, start, stop, length, self._cull)
+            known = self._plans[length] = plan_run(scene, start, stop, length, self.cull)
         return known
