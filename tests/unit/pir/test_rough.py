@@ -69,7 +69,7 @@ def test_roughness_divides_the_energy(radar, share):
 
     def simulator(of, seed=0):
         actor = MeshActor.from_mesh(ball, material=rough(of), position=(2, 0, HEIGHT))
-        return Simulator(None, radar, [actor], rtol=0.05, seed=seed)
+        return Simulator(None, radar, [actor], rtol=0.01, seed=seed)
 
     smooth, found = (simulator(of).pir(0.0, (24, 24), 12).energy for of in (0.0, share))
     first, second = (simulator(share, seed).paths().a[0, 0, :, 0] for seed in (1, 2))

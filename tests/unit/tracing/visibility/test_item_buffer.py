@@ -52,11 +52,12 @@ def test_a_ball_alone_is_seen_where_it_faces_the_viewpoint(place):
     assert not len(cuts.facet)
 
 
+@pytest.mark.xfail(strict=True, reason="the cut of one triangle is 0.1 m off, its share 0.02")
 def test_half_a_plate_behind_a_screen():
     """The share of each triangle, and its cut along the edge of the shadow."""
     found, cuts, _ = seen([square(2.0, -0.5, 0.5), square(1.0, -1.0, 0.05)])
     # The shadow's edge is at y = 0.1: 1 - 0.6^2 of the triangle right of the diagonal is left, 0.4^2 of the other one.
-    assert found[:2] == pytest.approx([1 - 0.6**2, 0.4**2], abs=0.03)
+    assert found[:2] == pytest.approx([1 - 0.6**2, 0.4**2], abs=0.01)
     for facet, pieces, count in zip(cuts.facet, cuts.pieces, cuts.triangles, strict=True):
         assert area(pieces, count) == pytest.approx(found[facet], abs=1e-6)
         places = np.concatenate(pieces[:count]) @ square(2.0, -0.5, 0.5).triangles[facet]
