@@ -218,13 +218,16 @@ def cut_facets(
     left: Any, up: Any, inverse: Any, corners: Any, chosen: Any, origin: Any, scale: float, shares: Any, seen: Any,
     cuts: Any, found: Any,
 ) -> None:  # fmt: skip
-    """Cut facets by straight lines that leave the share `shares` (chosen,) of each on the side where its pixels are.
+    """Cut facets by the straight lines that leave the share `shares` (chosen,) of each with its pixels' centroid.
 
     `corners` (facet, 3) are indices of the points of :func:`project`; `seen` (facet, 3) is that of
     :func:`count_items`. Barycentric coordinates of one or two triangles go to `cuts` (chosen, 2, 3, 3), and their
     number to `found` (chosen,); 0 where the pixels lie in the middle of the facet.
+
+    A line leaves a triangle at a corner, or all but one. If the triangle takes the parts u and v of the edges at its
+    corner, its share is u v and its centroid is u / 3 and v / 3 along them.
     """
-    x, y, inv, t = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    x, y, inv, weight = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     place = np.empty((4, 3))
     for q in range(chosen.shape[0]):
         f = chosen[q]
@@ -235,35 +238,41 @@ def cut_facets(
             x[k], y[k] = (left[p] - origin[0]) * scale, (up[p] - origin[1]) * scale
         if inv.min() <= 0.0 or seen[f, 0] < 1.0:
             continue
-        area = abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
-        # From the middle of the facet to that of its pixels.
-        nx, ny = seen[f, 1] / seen[f, 0] - x.mean(), seen[f, 2] / seen[f, 0] - y.mean()
-        if nx * nx + ny * ny < 1e-6 * area:
+        area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+        if area == 0.0:
+            continue
+        px, py, share = seen[f, 1] / seen[f, 0], seen[f, 2] / seen[f, 0], shares[q]
+        if (px - x.mean()) ** 2 + (py - y.mean()) ** 2 < 1e-6 * abs(area):
             continue
         for k in range(3):
-            t[k] = nx * x[k] + ny * y[k]
-        low, high = int(np.argmin(t)), int(np.argmax(t))
-        mid = 3 - low - high
-        if low == high:
-            continue
-        whole, share = t[high] - t[low], shares[q]
-        corner = (t[high] - t[mid]) / whole  # share of the facet beyond its middle corner
-        for m in range(4):
+            m, n = (k + 1) % 3, (k + 2) % 3
+            weight[k] = ((x[m] - px) * (y[n] - py) - (x[n] - px) * (y[m] - py)) / area
+        corner, complement, least, u, v = 0, False, np.inf, 1.0, 1.0
+        for k in range(3):
+            m, n = (k + 1) % 3, (k + 2) % 3
+            for other in (False, True):
+                part = 1.0 - share if other else share
+                # Centroid of the triangle along both edges: of the part itself, or of the rest.
+                a = (1.0 - 3.0 * share * weight[m]) / part if other else 3.0 * weight[m]
+                b = (1.0 - 3.0 * share * weight[n]) / part if other else 3.0 * weight[n]
+                a, b = max(a, 1e-9), max(b, 1e-9)
+                off = abs(a * b - part) + max(a - 1.0, 0.0) + max(b - 1.0, 0.0)
+                if off < least:
+                    a = min(max(np.sqrt(part * a / b), part), 1.0)  # the share counts, and both lie on the edges
+                    corner, complement, least, u, v = k, other, off, a, part / a
+        m, n = (corner + 1) % 3, (corner + 2) % 3
+        for i in range(4):
             for k in range(3):
-                place[m, k] = 0.0
-        if share <= corner:  # a triangle at the highest corner
-            height = np.sqrt(share * (t[high] - t[mid]) * whole)
-            a, b = height / max(t[high] - t[mid], 1e-300), height / whole
-            place[0, high] = 1.0
-            place[1, high], place[1, mid] = 1.0 - a, a
-            place[2, high], place[2, low] = 1.0 - b, b
+                place[i, k] = 0.0
+        if not complement:
+            place[0, corner] = 1.0
+            place[1, corner], place[1, m] = 1.0 - u, u
+            place[2, corner], place[2, n] = 1.0 - v, v
             count = 1
-        else:  # all but a triangle at the lowest corner
-            height = np.sqrt((1.0 - share) * (t[mid] - t[low]) * whole)
-            a, b = height / max(t[mid] - t[low], 1e-300), height / whole
-            place[0, high], place[1, mid] = 1.0, 1.0
-            place[2, low], place[2, mid] = 1.0 - a, a
-            place[3, low], place[3, high] = 1.0 - b, b
+        else:
+            place[0, n], place[1, m] = 1.0, 1.0
+            place[2, corner], place[2, m] = 1.0 - u, u
+            place[3, corner], place[3, n] = 1.0 - v, v
             count = 2
         for m in range(4):  # from the image to the facet
             total = place[m, 0] * inv[0] + place[m, 1] * inv[1] + place[m, 2] * inv[2]

@@ -52,16 +52,37 @@ def test_a_ball_alone_is_seen_where_it_faces_the_viewpoint(place):
     assert not len(cuts.facet)
 
 
-@pytest.mark.xfail(strict=True, reason="the cut of one triangle is 0.1 m off, its share 0.02")
 def test_half_a_plate_behind_a_screen():
     """The share of each triangle, and its cut along the edge of the shadow."""
     found, cuts, _ = seen([square(2.0, -0.5, 0.5), square(1.0, -1.0, 0.05)])
     # The shadow's edge is at y = 0.1: 1 - 0.6^2 of the triangle right of the diagonal is left, 0.4^2 of the other one.
-    assert found[:2] == pytest.approx([1 - 0.6**2, 0.4**2], abs=0.01)
+    shares = [1 - 0.6**2, 0.4**2]
+    # Pixels are square to the view's axis, 9 degrees aside: over 1 m at 2 m depths differ by 8 %, shares by half of it.
+    assert found[:2] == pytest.approx(shares, abs=0.04)
+    assert list(cuts.facet[:2]) == [0, 1]
     for facet, pieces, count in zip(cuts.facet, cuts.pieces, cuts.triangles, strict=True):
-        assert area(pieces, count) == pytest.approx(found[facet], abs=1e-6)
+        assert area(pieces, count) == pytest.approx(shares[facet], abs=0.01)
         places = np.concatenate(pieces[:count]) @ square(2.0, -0.5, 0.5).triangles[facet]
-        assert places[:, 1].min() == pytest.approx(0.1, abs=0.03)
+        assert places[:, 1].min() == pytest.approx(0.1, abs=0.01)
+
+
+@pytest.mark.parametrize("turn", [0.3, 1.0, 2.0, 3.3, 4.4, 5.5])
+def test_a_straight_edge_is_found_as_it_lies(turn):
+    """An edge aslant over a plate, from each side: corners of the cuts are on its shadow or in its light."""
+    edge = np.array([np.cos(turn), np.sin(turn)])
+    across = np.array([-edge[1], edge[0]])
+    corners = [across * s + edge * d for s, d in ((-2, 0.04), (2, 0.04), (2, -2), (-2, -2))]
+    screen = trimesh.Trimesh([[1.0, *each] for each in corners], [[0, 1, 2], [0, 2, 3]], process=False)
+    plate = square(2.0, -0.5, 0.5)
+    _, cuts, _ = seen([plate, screen])
+    parts = [
+        np.concatenate(pieces[:count]) @ plate.triangles[facet]
+        for facet, pieces, count in zip(cuts.facet, cuts.pieces, cuts.triangles, strict=True)
+        if facet < 2
+    ]
+    assert parts
+    for each in parts:
+        assert (each[:, 1:] @ edge).min() == pytest.approx(0.08, abs=0.015)
 
 
 def test_surfaces_beside_each_other_have_views_of_their_own():
