@@ -22,12 +22,6 @@ def radar():
     return Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
 
 
-@pytest.fixture
-def by_element_pair(monkeypatch):
-    """The trace that rooms and bounces take refines between its instants; the direct one has knots alone."""
-    monkeypatch.setattr("rfgen_sionna.tracing.tracer.LEAST_RTOL", np.inf)
-
-
 def channel(parts, times):
     """(time,) of the first pair, all `parts` together, between their knots."""
     total = np.zeros(len(times), complex)
@@ -109,7 +103,7 @@ def test_an_edge_that_passes_a_plate_aslant(radar, monkeypatch):
         *(pytest.param(*each, marks=pytest.mark.slow) for each in [(5.0, 0.02, 3), (50.0, 0.0, 2), (50.0, 0.6, 3)]),
     ],
 )
-def test_two_instants_do_while_hardly_a_shadow_moves(radar, by_element_pair, tilt, speed, count):
+def test_two_instants_do_while_hardly_a_shadow_moves(radar, tilt, speed, count):
     """The plate's return between instants is what is stated, whether the screen's edge reaches it or not."""
     tracer, length = screened(radar, tilt, speed), radar.waveform.frame_length
     times = np.linspace(0.0, length, 20)
@@ -207,7 +201,7 @@ def test_nothing_is_glanced_at_where_no_shadow_moves(radar):
     assert traced.report.time_error < 1e-3
 
 
-def test_samples_hold_what_is_glanced_at(radar, by_element_pair):
+def test_samples_hold_what_is_glanced_at(radar):
     """Frames of a simulator are of all parts, and a second run makes the same bits."""
     tracer = screened(radar)
     traced = tracer.trace(0.0, radar.waveform.frame_length)
@@ -383,7 +377,7 @@ def test_an_edge_that_keeps_step_with_the_instants():
     assert quick.rounds > 3
 
 
-def test_parts_may_be_joined(radar, by_element_pair):
+def test_parts_may_be_joined(radar):
     """What is glanced at is a set of paths like any other: at common knots both are one."""
     traced = screened(radar).trace(0.0, radar.waveform.frame_length)
     times = traced.refined.times
@@ -437,10 +431,10 @@ def test_what_is_left_of_a_return_that_cancels_is_followed_too(radar):
     def pose(t):
         return (2.0, 0.1, 1.0), np.array([0.5, 0.3, 4 * np.pi * t])
 
-    actor = MeshActor.from_mesh(plate, material="pec", trajectory=pose)
-    traced = Tracer(None, radar, [actor], 1e-2).trace(0.0, 0.0276)
+    tracer = Tracer(None, radar, [MeshActor.from_mesh(plate, material="pec", trajectory=pose)], 1e-2)
+    traced = tracer.trace(0.0, 0.0276)
     times = np.linspace(0.0, 0.0276, 25)[1:-1] + 1e-5
-    truth = traced_there(Tracer(None, radar, [actor], 4e-3), times)  # traced by element pair
+    truth = traced_there(tracer, times)
     error = rms(channel(traced.actors, times) - truth) / rms(truth)
     assert error < 0.05
     assert error < 2 * np.hypot(traced.report.time_error, traced.report.error)

@@ -121,11 +121,14 @@ def test_what_is_opaque_stays_so_and_what_is_not_hides_where_it_is_told_to(radar
         Simulator(board, radar, [], transmission="yes")
 
 
-def test_where_nothing_is_in_between_nothing_changes(radar):
-    """With a pane beside the ball and without any: either is right to its tolerance."""
+def test_where_nothing_is_in_between_nothing_changes(radar, monkeypatch):
+    """To the bit, with a pane beside the ball and without any; but for facets that are too faint, as nobody knows what
+    a pane shows of them."""
+    monkeypatch.setattr("rfgen_sionna.tracing.moving.moving_visibility.CULLED_PER_RTOL", 0.0)
     for scene in (None, scene_with(pane=(pane(y=2.0), "glass", 0.006))):
-        here, there = (channel(returned(radar, ball(), scene, transmission=each)) for each in (True, False))
-        assert here == pytest.approx(there, rel=3e-2)
+        here, there = (returned(radar, ball(), scene, transmission=each) for each in (True, False))
+        np.testing.assert_array_equal(here.a, there.a)
+        np.testing.assert_array_equal(here.tau, there.tau)
 
 
 def test_a_body_under_clothes_returns_through_them(radar):
