@@ -251,7 +251,7 @@ def test_refinement_leaves_phases_and_delays_alone(radar, ball):
         found = strength > 0
         change = np.log(np.abs(after[0].a[0, 0, found, 0]) / strength[found])
         level[before[0].facet[found]] = change
-        faces = before[0].facet
+        faces = runs[0].indirect._facets.pieces[0].face
         level[np.bincount(faces, minlength=len(level)) > 1] = np.nan  # of pieces each has its own
         levels.append(level)
     steps = np.abs(np.diff(levels, axis=0))
@@ -368,11 +368,13 @@ def test_what_returns_next_to_nothing_is_in_the_image_all_the_same():
     assert paths < 0.3 * every
 
 
-def test_each_instant_of_a_frame_is_watched(radar):
-    """Those who watch the actor see it at every instant of the trace."""
+def test_an_actor_before_an_image_is_looked_at_three_times(radar):
+    """An actor that goes straight on is traced twice where it hides nothing, three times before an image."""
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.25)
     actor = MeshActor.from_mesh(mesh, material="metal", name="ball", position=(2.5, -0.2, 1), velocity=(0.0, 0.2, 0.0))
     tracer = Simulator(None, radar, [actor], rtol=1e-2).tracer
+    alone = tracer.trace(0.0, 0.025)
     watched = list[float]()
     before_it = tracer.trace(0.0, 0.025, watch=lambda t, rays: watched.append(t))
-    assert before_it.report.sample_times == len(watched)
+    assert alone.report.sample_times == 2
+    assert before_it.report.sample_times == len(watched) == 3

@@ -48,7 +48,10 @@ def test_a_ball_alone_is_seen_where_it_faces_the_viewpoint(place):
     found, cuts, _ = seen([ball])
     facing = (ball.face_normals * ball.triangles_center).sum(axis=1) < 0
     assert not found[~facing].any()
-    assert np.mean(found[facing] == 1.0) > 0.97  # slivers at the rim are thinner than a pixel
+    # Faces seen all but edge-on, thinner than a pixel, are left out at the rim.
+    away = ball.triangles_center / np.linalg.norm(ball.triangles_center, axis=1, keepdims=True)
+    towards = ball.area_faces * np.maximum(-(ball.face_normals * away).sum(axis=1), 0.0)
+    assert towards @ (1.0 - found) < 1e-3 * towards.sum()
     assert not len(cuts.facet)
 
 
