@@ -36,7 +36,10 @@ _SCALARS = (types.float64,) * 5
     ),
     cache=True, nogil=True, fastmath=_FAST,
 )  # fmt: skip
-def tabulate(a, dispersion, amplitude, tau, tx, first, lower, powers, gains, delays):  # type: ignore[no-untyped-def]
+def tabulate(
+    a: Any, dispersion: Any, amplitude: Any, tau: Any, tx: Any, first: Any, lower: Any, powers: Any, gains: Any,
+    delays: Any,
+) -> Any:  # fmt: skip
     """Conjugate gains and delays of one Tx and the Rx from `first` on.
 
     Writes `gains` (path, order of u, knot, 2 `LANES`) and `delays` (path, knot, `LANES`) [s], the last Rx again in the
@@ -91,7 +94,7 @@ def _mean(values: Any, n: int) -> float:
 
 
 @njit(fastmath=_FAST)
-def _interpolate(delays, path, weights, block, derivatives, out):  # type: ignore[no-untyped-def]
+def _interpolate(delays: Any, path: Any, weights: Any, block: Any, derivatives: Any, out: Any) -> Any:
     """Delay and its `derivatives` in v, for each lane, from (path, knot, lane), by the weights of a block."""
     first, padded = path * weights.shape[2], weights.shape[2]
     for n in range(derivatives + 1):
@@ -106,7 +109,7 @@ def _interpolate(delays, path, weights, block, derivatives, out):  # type: ignor
 
 
 @njit(fastmath=_FAST)
-def _interpolate_gains(x, target, gains, place, weights, row, add):  # type: ignore[no-untyped-def]
+def _interpolate_gains(x: Any, target: Any, gains: Any, place: Any, weights: Any, row: Any, add: Any) -> Any:
     """Write the gains of a `place`, counted in paths and orders, by a row of the weights (row, knot) to the vector
     `target` of x, or `add` them."""
     padded, vector = weights.shape[1], 2 * LANES
@@ -122,7 +125,7 @@ def _interpolate_gains(x, target, gains, place, weights, row, add):  # type: ign
 
 
 @njit(fastmath=_FAST)
-def _power(x, target):  # type: ignore[no-untyped-def]
+def _power(x: Any, target: Any) -> Any:
     total = 0.0
     for n in range(2 * LANES * target, 2 * LANES * (target + 1)):
         total += np.float64(x[n]) * np.float64(x[n])
@@ -130,7 +133,7 @@ def _power(x, target):  # type: ignore[no-untyped-def]
 
 
 @njit(fastmath=_FAST)
-def _angles(at, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
+def _angles(at: Any, f: Any, mu: Any, per_u: Any, half: Any, rate: Any) -> Any:
     """Mean over the lanes of the phase's coefficients [rad] of uv, v^2, v^3, u^2 and u v^2."""
     d, d1, d2, d3 = _mean(at, 0), _mean(at, LANES), _mean(at, 2 * LANES), _mean(at, 3 * LANES)
     lower, slope = f - mu * d, rate * d1
@@ -146,7 +149,7 @@ def _angles(at, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
     types.UniTuple(types.float64, 2)(types.float64[:, :, ::1], types.float64[:, :, ::1], *_SCALARS),
     cache=True, nogil=True, fastmath=_FAST,
 )  # fmt: skip
-def beat_bounds(delays, weights, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
+def beat_bounds(delays: Any, weights: Any, f: Any, mu: Any, per_u: Any, half: Any, rate: Any) -> Any:
     """Least and largest beat [cycles over u = 0 … 1] at the middles of the blocks; arguments as :func:`spread`."""
     low, high, at = np.inf, -np.inf, np.empty(4 * LANES)
     for block in range(len(weights)):
@@ -163,7 +166,7 @@ def beat_bounds(delays, weights, f, mu, per_u, half, rate):  # type: ignore[no-u
     types.float64[::1](types.float32[:, :, :, ::1], types.float64[:, :, ::1], types.float64[:, :, ::1], *_SCALARS),
     cache=True, nogil=True, fastmath=_FAST,
 )  # fmt: skip
-def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[no-untyped-def]
+def moments(gains: Any, delays: Any, weights: Any, f: Any, mu: Any, per_u: Any, half: Any, rate: Any) -> Any:
     """Sums over paths and instants of the gains' power (0); of the squares that the second order leaves out, by powers
     of v from 0 to 12 in steps of two (1 … 7); of those of v^3 and v^4 (8, 9); and of the squares of the coefficients of
     u, v, v^2, u^2 v^2 and u^2 (10 … 14). Arguments as :func:`spread`.
@@ -211,14 +214,14 @@ def moments(gains, delays, weights, f, mu, per_u, half, rate):  # type: ignore[n
 
 
 @njit(fastmath=_FAST)
-def _put(terms, powers, p, q, source, turned, value):  # type: ignore[no-untyped-def]
+def _put(terms: Any, powers: Any, p: Any, q: Any, source: Any, turned: Any, value: Any) -> Any:
     """Add `value` times a source, or j times it if `turned`, to the factor of v^p u^q, over j for each odd power."""
     quarter = (p & 1) + (q & 1) + turned
     terms[(q * powers + p) * 6 + source + (quarter & 1)] += -value if quarter > 1 else value
 
 
 @njit(fastmath=_FAST)
-def _put_v(terms, powers, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
+def _put_v(terms: Any, powers: Any, p: Any, q: Any, source: Any, turned: Any, value: Any, reduction: Any) -> Any:
     """:func:`_put` of a power p of v that may be beyond the highest."""
     if p < powers:
         _put(terms, powers, p, q, source, turned, value)
@@ -229,7 +232,7 @@ def _put_v(terms, powers, p, q, source, turned, value, reduction):  # type: igno
 
 
 @njit(fastmath=_FAST)
-def _put_u(terms, powers, p, q, source, turned, value, reduction):  # type: ignore[no-untyped-def]
+def _put_u(terms: Any, powers: Any, p: Any, q: Any, source: Any, turned: Any, value: Any, reduction: Any) -> Any:
     """:func:`_put` of a power q of u beyond `DEGREE`."""
     _put(terms, powers, p, 0, source, turned, value * reduction[q, 0])
     _put(terms, powers, p, 1, source, turned, value * reduction[q, 1])
@@ -237,7 +240,7 @@ def _put_u(terms, powers, p, q, source, turned, value, reduction):  # type: igno
 
 
 @njit(fastmath=_FAST)
-def _expand(terms, powers, angles, over_v, over_u):  # type: ignore[no-untyped-def]
+def _expand(terms: Any, powers: Any, angles: Any, over_v: Any, over_u: Any) -> Any:
     """Products of the sources G, G1 u and H v with exp(j angle) to the second order, into flat (q, p, source)."""
     uv, vv, vvv = np.float32(angles[0]), np.float32(angles[1]), np.float32(angles[2])
     uu, uvv, one, half = np.float32(angles[3]), np.float32(angles[4]), np.float32(1), np.float32(0.5)
@@ -266,7 +269,7 @@ def _expand(terms, powers, angles, over_v, over_u):  # type: ignore[no-untyped-d
 
 
 @njit(fastmath=_FAST)
-def _turned(raw, factors, x):  # type: ignore[no-untyped-def]
+def _turned(raw: Any, factors: Any, x: Any) -> Any:
     """Sources x from the gain (0), its slopes over u (1) and v (2), and its coefficients of u^2, v^2 and u v (3 … 5).
 
     `factors` are the phasor (0) and the lanes' deviations from the mean [rad] over u and v, times j (1, 2).
@@ -291,7 +294,7 @@ def _turned(raw, factors, x):  # type: ignore[no-untyped-def]
 
 
 @njit(fastmath=_FAST)
-def _place(turns, taps):  # type: ignore[no-untyped-def]
+def _place(turns: Any, taps: Any) -> Any:
     """First cell of an even or odd number of taps, and the tabulated position and its turns, of a point of `turns` per
     unit of v or u: four cells a turn."""
     shift = 0.5 * POSITIONS * (taps & 1)
@@ -309,9 +312,10 @@ def _place(turns, taps):  # type: ignore[no-untyped-def]
     ),
     cache=True, nogil=True, fastmath=_FAST,
 )  # fmt: skip
-def spread(  # type: ignore[no-untyped-def]
-    gains, delays, weights, f, mu, per_u, half, rate, doppler_taps, beat_taps, over_v, over_u, first, period, grid
-):
+def spread(
+    gains: Any, delays: Any, weights: Any, f: Any, mu: Any, per_u: Any, half: Any, rate: Any, doppler_taps: Any,
+    beat_taps: Any, over_v: Any, over_u: Any, first: Any, period: Any, grid: Any,
+) -> Any:  # fmt: skip
     """Add all paths to `grid` (block, Doppler, beat, 2 `LANES`), whose beats begin at the cell `first` and repeat after
     `period` cells, if that is not 0.
 

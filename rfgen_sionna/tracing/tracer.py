@@ -63,8 +63,9 @@ VISIBILITY_SPACING = 10e-3
 """Largest gap [s] between four or more sample times of gains and visibility; knots of delays may be closer."""
 LEAST_RTOL = 0.02
 """Tolerance below which direct returns alone are traced by element pair as well, as cuts of shadows are coarser."""
-_FEW_KNOTS, _MISSED = 48, 3.0
-"""Number of knots and time error per `rtol` above which a motion, such as a rotor's, is traced by element pair."""
+_FEW_KNOTS, _MISSED, _WRONG = 48, 3.0, 0.3
+"""Number of knots, time error per `rtol`, and time error above which a motion, such as a rotor's, is traced by element
+pair."""
 _MORE, _AGAIN = 1.1, 3
 """Growth of the cancellation above which an interval is traced anew with more sample times, and the largest number of
 traces."""
@@ -328,7 +329,7 @@ class Tracer:
         static, names = self.static, (self.surfaces.object_names, self.surfaces.part_names)
         stop = stop if self.actors else start
         plan = run.plan(self._run_scene, start, stop)
-        if plan.knots > _FEW_KNOTS or plan.time_error > _MISSED * self.rtol:
+        if plan.knots > _FEW_KNOTS or plan.time_error > min(_MISSED * self.rtol, _WRONG):
             run.indirect = self._follow(run.cull)
             return self.trace(start, stop, run, watch)
         traced = trace_direct(plan, start, stop, names)

@@ -46,17 +46,18 @@ def samples_by_instants(simulator, times):
     return np.array(found)
 
 
-def compared(rate, blades, loops, step):
+def compared(rate, blades, loops, step, rtol=0.02):
     """Error of every `step`-th chirp's samples, relative to their root mean square, and the report's."""
     actors = [blade(number, rate, blades) for number in range(blades)]
-    simulator = rfgen.Simulator(None, radar_24(loops), actors, rtol=0.02)
+    simulator = rfgen.Simulator(None, radar_24(loops), actors, rtol=rtol)
     (frame,) = simulator.frames(simulator.radar.waveform.frame_period, noise=False)
     waveform = simulator.radar.waveform
     begin = waveform.chirp_times[::step, 0] + waveform.adc_start_time
     # The first, a middle and the last sample of the chirp: its phase is far from quadratic.
     some = np.arange(len(begin)) % 3 * (waveform.num_samples // 2 - 1)
     found = frame.samples[::step, 0, 0][np.arange(len(begin)), some]
-    truth = samples_by_instants(simulator, begin + some / waveform.sample_rate)
+    instants = rfgen.Simulator(None, radar_24(loops), actors, rtol=min(rtol, 0.02))
+    truth = samples_by_instants(instants, begin + some / waveform.sample_rate)
     scale = np.vdot(truth, found) / np.vdot(truth, truth)
     missed = np.linalg.norm(found - scale * truth) / np.linalg.norm(found)
     return missed, frame.report
@@ -76,6 +77,14 @@ def test_samples_of_a_rotor_are_the_sum_of_its_paths(rate):
 def test_samples_of_two_blades(rate):
     missed, _ = compared(rate, 2, 128, 4)
     assert missed < 0.04
+
+
+@pytest.mark.parametrize("rtol", [0.1, 0.3])
+def test_coarse_tolerances_follow_a_rotor_as_well(rtol):
+    """100 turns a second, between knots that a walk has at these tolerances: each is over half a turn long."""
+    missed, report = compared(100.0, 1, 24, 2, rtol)
+    assert missed < rtol
+    assert np.hypot(report.error, report.time_error) < 3 * rtol
 
 
 def test_micro_doppler_ends_at_the_speed_of_the_tip():
