@@ -54,10 +54,10 @@ from rfgen_sionna.signal.synthesis import check_time, chosen_device
 from rfgen_sionna.tolerance import SIMULATOR_RTOL, check_rtol
 from rfgen_sionna.tracing.max_bounces import check_max_bounces
 from rfgen_sionna.tracing.relative_scene import relative_objects
-from rfgen_sionna.tracing.tracer import Tracer
 
 if TYPE_CHECKING:
     from rfgen_sionna.radar.radar import Vector
+    from rfgen_sionna.tracing.tracer import Tracer
 
 
 class Simulator(ShortRepr):
@@ -171,6 +171,8 @@ class Simulator(ShortRepr):
     @cached_property
     def tracer(self) -> Tracer:
         """Tracer of the simulation."""
+        from rfgen_sionna.tracing.tracer import Tracer  # which brings numba along
+
         return Tracer(self.scene, self.radar, self.actors, self.rtol, self.seed, self.max_bounces, self.transmission)
 
     @cached_property
