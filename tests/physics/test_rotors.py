@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 import rfgen_sionna as rfgen
+from rfgen_sionna.signal import synthesize
 from rfgen_sionna.tracing.moving import fast_turns
 
 SPEED_OF_LIGHT = 299792458.0
@@ -115,3 +116,14 @@ def test_finely_meshed_blades_keep_up_with_their_turn():
     truth, found = samples_by_instants(simulator, begin), frame.samples[::2, 0, 0, 0]
     scale = np.vdot(truth, found) / np.vdot(truth, truth)
     assert np.linalg.norm(found - scale * truth) < 0.04 * np.linalg.norm(found)
+
+
+@pytest.mark.parametrize("eps", [5e-3, 0.05])
+def test_flashes_of_a_rotor_are_summed_within_the_tolerance(eps):
+    """A blade that is specular for less than a chirp: its gain changes within the chirp."""
+    radar = radar_24(24)
+    traced = rfgen.Simulator(None, radar, [blade(0, 100.0)], rtol=0.02).tracer.trace(0.0, radar.waveform.frame_length)
+    coarse, fine = (
+        sum(synthesize(radar, paths, 0.0, eps=each, device="cpu") for paths in traced.actors) for each in (eps, 1e-5)
+    )
+    assert np.linalg.norm(coarse - fine) < eps * np.linalg.norm(fine)
