@@ -172,7 +172,7 @@ def moments(gains: Any, delays: Any, weights: Any, f: Any, mu: Any, per_u: Any, 
     u, v, v^2, u^2 v^2 and u^2 (10 … 14). Arguments as :func:`spread`.
     """
     out, at, x = np.zeros(15), np.empty(4 * LANES), np.zeros(12 * LANES, np.float32)
-    orders = gains.shape[1]
+    orders, rho2 = gains.shape[1], (per_u * rate) ** 2
     for block in range(len(weights)):
         single = weights[block].astype(np.float32)
         for path in range(len(delays)):
@@ -196,6 +196,8 @@ def moments(gains: Any, delays: Any, weights: Any, f: Any, mu: Any, per_u: Any, 
             out[0] += g
             out[1] += g * (uu2 * uu2 * uu2 / 468 + over_u**6 / 252 + over_u**4 * uu2 / 36) + s * uu2 * uu2 / 44
             out[1] += s * over_u**4 / 28
+            # Gains and the cube of the phase that change within the chirp.
+            out[1] += g1 * rho2 / 3 + g * vvv2 * rho2**3 / 7
             out[2] += g * over_u**4 * uv2 / 84
             out[3] += s2 / 15 + s * uv2 * uv2 / 140
             out[4] += g * (uv2 * uv2 * uv2 / 1764 + over_v**6 / 252 + uvv * uvv * uv2 / 35)

@@ -34,7 +34,7 @@ LEAST_EPS = 1e-3
 _LOOPS = (64, 32, 16, 8, 4)
 _FEW, _MANY = 3, 6  # powers of v, without and with the square of the curvature
 _TAPS_SHARE, _BLOCK_SHARE = 0.4, 0.7  # of the tolerance: either interpolation, and the terms left out
-_INSTANTS = 6  # at which the error is estimated
+_INSTANTS = 6  # least number of chirps at which the error is estimated; paths with more knots change faster
 _CELLS = 1 << 19  # vectors of a grid, 16 MB
 _DENSE = 0.75  # beats per sample below which a matrix product is faster than FFTs
 
@@ -139,7 +139,8 @@ class _Groups:
 
         wave = self.radar.waveform
         scale = 0.5 * wave.loop_period
-        chirps = np.linspace(0, wave.num_loops - 1, min(_INSTANTS, wave.num_loops))
+        instants = max(_INSTANTS, len(self.paths.times))
+        chirps = np.linspace(0, wave.num_loops - 1, min(instants, wave.num_loops))
         times = chirps * wave.loop_period + wave.chirp_times[0, entry] + self.window.middle
         found = moments(*tables, self._weights(times, scale), *self.scalars, 1 / scale)
         limit = (_BLOCK_SHARE * eps) ** 2 - self._dispersion_error() ** 2
