@@ -232,7 +232,9 @@ class ItemBuffer:
             x, y = left.reshape(-1, 3), up.reshape(-1, 3)
             area = np.abs((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0]))
             area *= 0.5 * view.scale**2 * (inverse.reshape(-1, 3) > 0).all(axis=1)
-            self._pixels += seen[:, 0] + np.maximum(area - drawn, 0.0) * (drawn > 0)
+            ends = np.stack([x - view.origin[0], y - view.origin[1]], axis=-1) * view.scale
+            beyond = ((ends < 0.0) | (ends > view.shape[::-1])).any(axis=(1, 2))  # else the pixels are all there are
+            self._pixels += seen[:, 0] + np.maximum(area - drawn, 0.0) * (beyond & (drawn > 0))
             self._small |= (drawn == 0) & (area > 0)
             self._static.append((nearest, items))
             self._projected.append((left.copy(), up.copy(), inverse.copy()))

@@ -113,6 +113,25 @@ def test_an_actor_hides_its_share_of_what_stands_behind():
     assert not len(beside.shadows().facet)
 
 
+def fine(triangles, times):
+    """Triangles in halves of halves."""
+    for _ in range(times):
+        a, b, c = np.moveaxis(triangles, 1, 0)
+        d, e, f = 0.5 * (b + c), 0.5 * (c + a), 0.5 * (a + b)
+        triangles = np.concatenate([np.stack(each, axis=1) for each in ((a, f, e), (f, b, d), (e, d, c), (d, e, f))])
+    return triangles
+
+
+def test_small_facets_behind_an_actor_are_wholly_hidden():
+    """However few their pixels."""
+    wall = fine(square(4.0, -0.4, 0.4, 0.4).triangles, 6)
+    _, _, buffer = seen([square(2.0, -0.25, 0.25, 0.25)], wall)
+    shadows = buffer.shadows()
+    assert len(shadows.facet) == len(wall)
+    assert not shadows.left.any()
+    assert not len(shadows.hidden.facet)
+
+
 def test_what_stands_before_an_actor_hides_it():
     screen = square(1.0, -1.0, 1.0).triangles
     found, _, _ = seen([trimesh.creation.icosphere(2, 0.1).apply_translation((2, 0, 0))], screen)
