@@ -40,6 +40,8 @@ class RelativeObject:
     """Time [s] to (vertex, 3) positions [m]."""
     rest_vertices: FloatArray
     """(vertex, 3) positions of the mesh at rest in its own frame [m]."""
+    whole: str = ""
+    """Name of the actor that it is a part of; empty for whole ones."""
 
 
 def by_material(actors: Iterable[MeshActor | RelativeObject]) -> tuple[MeshActor | RelativeObject, ...]:
@@ -66,7 +68,8 @@ def by_material(actors: Iterable[MeshActor | RelativeObject]) -> tuple[MeshActor
             same = sum(each.name == group.name for each in groups[:k])
             name = f"{actor.name}, {group.name}" + (f" {same + 1}" if same else "")
             own = actor.part_names, actor.face_parts[owners == k], False, _of_vertices(actor.vertices, used)
-            found.append(RelativeObject(name, group, faces, *own, np.ascontiguousarray(actor.rest_vertices[used])))
+            rest = np.ascontiguousarray(actor.rest_vertices[used])
+            found.append(RelativeObject(name, group, faces, *own, rest, actor.name))
     return tuple(found)
 
 
@@ -94,7 +97,8 @@ def relative_objects(
         found.append(RelativeObject(*given, points))
     for actor in by_material(actors):
         known = actor.name, actor.properties, actor.faces, actor.part_names, actor.face_parts, False
-        found.append(RelativeObject(*known, carried(actor.vertices), actor.rest_vertices))
+        whole = getattr(actor, "whole", "")
+        found.append(RelativeObject(*known, carried(actor.vertices), actor.rest_vertices, whole))
     return tuple(found)
 
 

@@ -33,17 +33,10 @@ from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
 from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
-from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
-from rfgen_sionna.tracing.static.static_reflections import StaticReflections, trace_static_reflections
+from rfgen_sionna.tracing.static.static_indirect import StaticIndirect, trace_static_indirect
 from rfgen_sionna.tracing.static.static_shadows import StaticShadows
 from rfgen_sionna.tracing.static.static_trace import StaticTrace, trace_static
-from rfgen_sionna.tracing.static.static_transmission import (
-    StaticTransmission,
-    find_static_transmission,
-    static_slab_transmission,
-    trace_static_slab_reflections,
-    trace_static_transmission,
-)
+from rfgen_sionna.tracing.static.static_transmission import find_static_transmission, static_slab_transmission
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
 from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
 from rfgen_sionna.tracing.trace_run import TraceRun
@@ -139,11 +132,19 @@ class Tracer:
 
     @cached_property
     def static(self) -> StaticTrace:
-        """Static scene, traced at first use."""
+        """Static scene, traced at first use; large flat faces by their edges where direct returns alone are traced."""
+        return self._trace_static(by_cells=not self._is_joint)
+
+    @cached_property
+    def _static_facets(self) -> StaticTrace:
+        """The same by facets alone."""
+        return self.static if self.static.cells is None else self._trace_static(by_cells=False)
+
+    def _trace_static(self, by_cells: bool) -> StaticTrace:
         slabs = self._static_transmission
         slab_edges = None if slabs is None else static_slab_transmission(self.surfaces, slabs, self._band)
         given = self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
-        return trace_static(*given, slab_edges)
+        return trace_static(*given, slab_edges, by_cells)
 
     @cached_property
     def _static_transmission(self) -> Transmission | None:
@@ -153,29 +154,19 @@ class Tracer:
         return find_static_transmission(self.surfaces, self.radar, self.rtol)
 
     @cached_property
-    def static_indirect(self) -> tuple[StaticReflections | StaticCurvedReflections | StaticTransmission, ...]:
+    def static_indirect(self) -> tuple[StaticIndirect, ...]:
         """Indirect paths between static surfaces and through them, traced at first use."""
-        found: list[StaticReflections | StaticCurvedReflections | StaticTransmission | None] = []
-        if self._static_rays is not None:
-            scene = self.surfaces, self._static_rays, self.radar
-            slabs = self._static_transmission
-            straight = None if slabs is None else trace_static_transmission(*scene[:2], slabs, self.static)
-            found.append(straight)
-            if self.max_bounces > 1:
-                found.append(trace_static_reflections(*scene, self._band, self.static, self.rtol, self.max_bounces))
-                found.append(trace_static_curved(*scene, self.static, self.rtol))
-            if self.max_bounces > 1 and self.transmission:
-                through = None if straight is None else straight.paths
-                found.append(
-                    trace_static_slab_reflections(*scene, self._band, self.static, through, self.rtol, self.max_bounces)
-                )
-        return tuple(each for each in found if each is not None)
+        rays, transmission = self._static_rays, self._static_transmission
+        if rays is None:
+            return ()
+        scene = self.surfaces, rays, self.radar, self._band, self.static, transmission
+        return trace_static_indirect(*scene, self.rtol, self.max_bounces, self.transmission)
 
     @cached_property
     def _static_paths(self) -> RadarPaths:
-        """All paths of the static scene without actors."""
-        more = [each.paths for each in self.static_indirect]
-        return RadarPaths.concatenate([self.static.paths, *more]) if more else self.static.paths
+        """All paths of the static scene without actors, by facets."""
+        more, direct = [each.paths for each in self.static_indirect], self._static_facets.paths
+        return RadarPaths.concatenate([direct, *more]) if more else direct
 
     @cached_property
     def mirrors(self) -> tuple[Mirror, ...]:
@@ -216,8 +207,12 @@ class Tracer:
         span
             First and last time [s] of the run, which is planned for these; None plans each interval by itself.
         """
-        indirect = self.max_bounces > 1 or self.transmission or self.rtol < LEAST_RTOL
-        return TraceRun(self._follow(cull) if indirect else None, cull, span)
+        return TraceRun(self._follow(cull) if self._is_joint else None, cull, span)
+
+    @property
+    def _is_joint(self) -> bool:
+        """Whether static and moving surfaces are traced at common sample times, with indirect paths."""
+        return self.max_bounces > 1 or self.transmission or self.rtol < LEAST_RTOL
 
     def _follow(self, cull: bool) -> MovingTracer:
         """Tracer of the actors with indirect paths."""
@@ -307,13 +302,15 @@ class Tracer:
         moving = self.follow().indirect
         if moving is None:
             traced = self._trace_direct(t, t, TraceRun(None, True, None), None)
+            own, shadows = self._static_shadows.facets.in_place(traced.shadows)
+            traced = replace(traced, static=own, find_shadows=lambda: shadows)
         else:
             if self.actors:
                 moving.prepare(self._vertices, (t,))
             traced = self._traced(np.array([t]), np.array([t]), moving)
         (static, visible), actors = traced.shadowed_static(), traced.moving
         if indirect:
-            visible[: self.static.paths.num_paths] = False
+            visible[: static.num_paths if moving is None else self.static.paths.num_paths] = False
             actors = actors.select(np.arange(len(traced.places(t)), actors.num_paths))
         static = static if visible.all() else static.select(visible)
         paths = RadarPaths.concatenate([replace(static, times=np.array([t])), actors])
@@ -351,12 +348,12 @@ class Tracer:
         def none(_: float) -> FloatArray:
             return np.zeros((0, 3))
 
-        return Traced(self._static_paths, lambda: shadows, traced.paths, None, report, traced.centroids, none)
+        return Traced(static.paths, lambda: shadows, traced.paths, None, report, traced.centroids, none)
 
     @cached_property
     def _run_scene(self) -> RunScene:
         """Actors, and the facets at rest that occlude them."""
-        known = self.radar.max_range, self.rtol, self._vertices, self._static_shadows.corners
+        known = self.radar.max_range, self.rtol, self._vertices, self._static_shadows.facets.items
         return RunScene(self.surfaces.moving, self._band, *known)
 
     @cached_property
@@ -384,7 +381,7 @@ class Tracer:
     ) -> Traced:
         """Trace with delays at `knots` and gains at `sample_times` [s]; `turned` is the time error so far."""
         scene = JointScene(
-            self.static, self.static_indirect, self._static_paths, self._vertices, self.rays_at, self._rays,
+            self._static_facets, self.static_indirect, self._static_paths, self._vertices, self.rays_at, self._rays,
             bool(self.actors), self.rtol,
         )  # fmt: skip
         return trace_jointly(scene, knots, sample_times, parts, turned, watch)

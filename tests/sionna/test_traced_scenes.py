@@ -71,8 +71,10 @@ def check(name: str, radar: Radar, rtol: float) -> None:
     nearest = int(reach.argmin())
     assert paths.object_names[paths.object_id[nearest]] == near
     # Rays in the paths' directions meet the same object at the same distance; of half a facet they may meet another.
-    whole = np.flatnonzero(simulation.tracer.static.fraction == 1.0)
-    assert len(whole) > 0.8 * paths.num_paths
+    # Paths of the edges of large faces follow those of facets.
+    fraction = simulation.tracer.static.fraction
+    whole = np.flatnonzero(fraction == 1.0)
+    assert len(whole) > 0.7 * len(fraction)
     chosen = np.random.default_rng(0).choice(whole, 2000)
     rays = RayScene([(item.vertices, item.faces) for item in scene.objects], origin=position)
     hits = rays.first_hit(position, paths.direction[chosen, 0])

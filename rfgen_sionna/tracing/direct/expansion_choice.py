@@ -9,6 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.expansion import PROBES, ArrayExpansions, Expansion
 from rfgen_sionna.tracing.integral.facet import Nodes
 from rfgen_sionna.tracing.surface.facets import CANCELLED
@@ -92,6 +94,16 @@ def first_pair(expansion: Expansion, values: ComplexArray) -> ComplexArray:
     weights = expansion.weights[0, 0, 0]
     joined = weights @ np.ascontiguousarray(values).view(np.float64).reshape(len(values), -1)
     return np.asarray(joined.view(np.complex128).reshape(values.shape[1:]))
+
+
+def pair_waves(band: BandTracer, centroids: FloatArray, u: FloatArray, pairs: IntArray) -> ComplexArray:
+    """(probe, facet) propagation phasors by `centroids` (facet, 3) [m] relative to the viewpoint, at positions `u` of
+    the band of `pairs` (probe,)."""
+    tx, rx = (each - band.viewpoint for each in band.elements)
+    one, other = np.divmod(pairs, len(rx))
+    length = lengths(centroids - tx[one][:, None]) + lengths(centroids - rx[other][:, None])
+    cycles = band.frequency(u)[:, None] * length / SPEED_OF_LIGHT
+    return np.asarray(np.exp(-2j * np.pi * (cycles - np.rint(cycles))))
 
 
 def group_sums(waves: ComplexArray, group: IntArray, count: int) -> ComplexArray:

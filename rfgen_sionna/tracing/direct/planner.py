@@ -10,16 +10,21 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.direct.expansion_choice import choose_expansion, expanded, group_sums, node_table
+from rfgen_sionna.tracing.direct.expansion_choice import (
+    choose_expansion,
+    expanded,
+    group_sums,
+    node_table,
+    pair_waves,
+)
 from rfgen_sionna.tracing.direct.knot_count import with_knots
 from rfgen_sionna.tracing.direct.other_diagonals import with_other_diagonals
 from rfgen_sionna.tracing.direct.samples import GainNodes, Sample
 from rfgen_sionna.tracing.direct.settings import Settings
 from rfgen_sionna.tracing.direct.time_error import share_of
 from rfgen_sionna.tracing.direct.trace_plan import SAFETY, RunScene, TracePlan
-from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.expansion import PROBES
 from rfgen_sionna.tracing.surface.facets import CANCELLED
 
@@ -74,19 +79,21 @@ class Planner:
 
     def settings(self, first: Settings) -> tuple[Settings, FloatArray]:
         """Settings that meet the tolerance, from the `first` ones on, and the error (group,) with them."""
-        settings, before = first, np.inf
+        settings, error = first, self._error(first)
         for attempt in range(MAX_ROUNDS):
-            error = self._error(settings)
             worst = float(error.max(initial=0.0))
             if worst <= SAFETY * self._scene.rtol:
                 break
-            if attempt == MAX_ROUNDS - 1 or worst > 0.7 * before:
-                name = self._scene.surfaces[int(np.argmax(error))].name
+            finer = self._error(settings.finer()) if attempt < MAX_ROUNDS - 1 else error
+            falls = float(finer.max(initial=0.0)) / worst
+            if falls < 1.0:  # else what is left is no matter of these settings
+                settings, error = settings.finer(), finer
+            if falls > 0.7:
+                name, worst = self._scene.surfaces[int(np.argmax(error))].name, float(error.max(initial=0.0))
                 _LOG.warning(
                     "the return of '%s' has a relative error of %.2g (rtol: %g)", name, worst, self._scene.rtol
                 )
                 break
-            settings, before = settings.finer(), worst
         return settings, error
 
     def plan(self, settings: Settings, error: FloatArray | float = 0.0) -> TracePlan:
@@ -212,16 +219,6 @@ class _Check:
         """(probe, path) propagation phasors times pattern gain."""
         centroids = self.plan.mesh.centroids(self.sample.points, self.facets)
         return pair_waves(self.plan.scene.band, centroids, u, pairs) * self.plan.scene.pattern(centroids)
-
-
-def pair_waves(band: BandTracer, centroids: FloatArray, u: FloatArray, pairs: IntArray) -> ComplexArray:
-    """(probe, facet) propagation phasors by `centroids` (facet, 3) [m] relative to the viewpoint, at positions `u` of
-    the band of `pairs` (probe,)."""
-    tx, rx = (each - band.viewpoint for each in band.elements)
-    one, other = np.divmod(pairs, len(rx))
-    length = lengths(centroids - tx[one][:, None]) + lengths(centroids - rx[other][:, None])
-    cycles = band.frequency(u)[:, None] * length / SPEED_OF_LIGHT
-    return np.asarray(np.exp(-2j * np.pi * (cycles - np.rint(cycles))))
 
 
 def _speeds(poses: Sequence[Sequence[FloatArray]]) -> Sequence[float]:

@@ -22,6 +22,7 @@ from rfgen_sionna.tracing.visibility.item_buffer import (
     Shadows,
     choose_views,
 )
+from rfgen_sionna.tracing.visibility.static_items import StaticItems
 
 Positions = Callable[[float], Sequence[FloatArray]]
 """Time [s] to the (vertex, 3) positions [m] of every moving surface."""
@@ -58,15 +59,16 @@ class Sample:
 @dataclass(frozen=True)
 class Sampler:
     """Samples the facets of a `mesh` with vertices at `positions`, seen from the `viewpoint` (3,) [m] within
-    `max_range` [m], in views of this `resolution`. Facets at rest, with corners `static` (facet, 3, 3) [m]
-    relative to the viewpoint, occlude and are occluded."""
+    `max_range` [m], in views of this `resolution`. The `static` items occlude and are occluded."""
 
     mesh: FacetMesh
     positions: Positions
     viewpoint: FloatArray
     max_range: float
     resolution: Resolution
-    static: FloatArray
+    static: StaticItems
+    group: IntArray
+    """(surface,) tolerance group, whose surfaces share a resolution."""
 
     def at(self, times: Sequence[float], places: FloatArray) -> list[Sample]:
         """Samples at `times` [s] from `places` (place, 3) [m] of the array relative to the viewpoint, in common
@@ -76,7 +78,8 @@ class Sampler:
         seen, shadows = list[list[SeenFacets]](), [NO_SHADOWS for _ in times]
         for number, place in enumerate(places):
             moved = points if not place.any() else [each - place for each in points]
-            buffer = ItemBuffer(mesh.meshes, choose_views(moved, mesh.meshes, self.resolution), self.static - place)
+            views = choose_views(moved, mesh.meshes, self.resolution, self.group)
+            buffer = ItemBuffer(mesh.meshes, views, self.static.seen_from(place))
             seen.append([])
             for k, (each, own) in enumerate(zip(moved, points, strict=True)):
                 visible = np.zeros(len(mesh))
@@ -85,10 +88,10 @@ class Sampler:
                 seen[-1].append(SeenFacets(visible, cuts))
                 if len(self.static) and number == 0:
                     shadows[k] = buffer.shadows()
-        views = zip(*seen, strict=True)
+        by_time = zip(*seen, strict=True)
         return [
             Sample(each, mesh.normals(each), own, shadow)
-            for each, own, shadow in zip(points, views, shadows, strict=True)
+            for each, own, shadow in zip(points, by_time, shadows, strict=True)
         ]
 
     def _limit_range(self, points: FloatArray, visible: FloatArray) -> None:

@@ -30,8 +30,9 @@ from rfgen_sionna.tracing.gains.expansion import Expansion
 from rfgen_sionna.tracing.integral.fresnel import media_table
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
-from rfgen_sionna.tracing.surface.surfaces import Surface, tolerance_groups
+from rfgen_sionna.tracing.surface.surfaces import Surface, actor_groups
 from rfgen_sionna.tracing.surface.tessellate import tessellate
+from rfgen_sionna.tracing.visibility.static_items import StaticItems
 
 SAFETY = 1.5
 """Factor on errors measured at a few times, pairs and frequencies, for all others."""
@@ -53,12 +54,12 @@ class RunScene:
     max_range: float
     rtol: float
     positions: Positions
-    static: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 3)))
-    """(facet, 3, 3) corners [m] of visible facets at rest, relative to the viewpoint."""
+    static: StaticItems = field(default_factory=StaticItems)
     group: IntArray = field(init=False)
+    """(surface,) first surface of each one's tolerance group: the parts of an actor are one."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "group", tolerance_groups(self.surfaces))
+        object.__setattr__(self, "group", actor_groups(self.surfaces))
 
     @property
     def wavenumber(self) -> float:
@@ -80,7 +81,7 @@ class RunScene:
     def sampler(self, mesh: FacetMesh, settings: Settings) -> Sampler:
         """Samples a `mesh` with these `settings`."""
         known = self.positions, self.band.viewpoint, self.max_range
-        return Sampler(mesh, *known, settings.resolution, self.static)
+        return Sampler(mesh, *known, settings.resolution, self.static, self.group)
 
     def nodes(self, table: FloatArray, nearest: float, parallax: bool) -> GainNodes:
         """Nodes of a `table` (node, 7) for facets that are `nearest` [m] at least, each with its own visibility where
@@ -104,7 +105,7 @@ class RunScene:
             return False
         moving = len(away)
         if len(self.static):
-            away.append(lengths(self.static.reshape(-1, 3)))
+            away.append(lengths(self.static.corners.reshape(-1, 3)))
         near = max(min(float(each.min()) for each in away), 1e-3)
         far = max(float(each.max()) for each in away[:moving])
         if far <= near:

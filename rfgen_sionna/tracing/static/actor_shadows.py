@@ -18,7 +18,8 @@ class Shadow:
 
     paths: RadarPaths
     index: NDArray[np.intp]
-    """(path,) static path of each."""
+    """(path,) static path of each, or its number in
+    :class:`~rfgen_sionna.tracing.static.shadowed_facets.ShadowedFacets`."""
 
     def at(self, index: NDArray[np.intp]) -> Shadow:
         """The same, with `index` mapped to the numbers `index[...]` of a larger set of paths."""

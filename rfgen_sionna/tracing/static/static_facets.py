@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.scene.mesh import lengths
@@ -20,9 +21,10 @@ from rfgen_sionna.tracing.shadows.adaptive_sampling import (
 )
 from rfgen_sionna.tracing.shadows.boundary_edges import ShadowEdges
 from rfgen_sionna.tracing.shadows.silhouettes import FacetLocator, SilhouetteRays
+from rfgen_sionna.tracing.static.flat_cells import FlatCells, is_divided
 from rfgen_sionna.tracing.surface.facets import Facets, stack_facets, with_patches
-from rfgen_sionna.tracing.surface.surfaces import Surfaces
-from rfgen_sionna.tracing.surface.tessellate import NO_FACETS, tessellate
+from rfgen_sionna.tracing.surface.surfaces import Surface, Surfaces
+from rfgen_sionna.tracing.surface.tessellate import NO_FACETS, Tessellation, tessellate
 
 
 def static_facets(
@@ -32,24 +34,56 @@ def static_facets(
     tolerance: FloatArray,
     max_range: float,
     chosen: Collection[int] | None = None,
+    pieces_of: FlatCells | None = None,
 ) -> Facets:
     """Facets of the static surfaces, or of the surfaces `chosen`, for the `tolerance` (surface,) and up to `max_range`
-    [m], visible or not."""
+    [m], visible or not. Of surfaces that have any, only the triangles `pieces_of` are divided."""
+
+    def divided(number: int, points: FloatArray, surface: Surface, rtol: float) -> Tessellation:
+        if chosen is not None and number not in chosen:
+            return NO_FACETS
+        given = viewpoint, band.highest, rtol, band.pattern_gain, max_range, band.half_band
+        if pieces_of is None or not is_divided(surface):
+            return tessellate(points, surface.faces, *given, smooth=surface.smooth, still=True)
+        first = surface.first_facet
+        own = pieces_of.take(np.flatnonzero((pieces_of.face >= first) & (pieces_of.face < first + len(surface.faces))))
+        triangles = np.arange(3 * len(own.face), dtype=np.int32).reshape(-1, 3)
+        found = tessellate(own.corners.reshape(-1, 3) + viewpoint, triangles, *given, still=True)
+        return found.within(own.face - np.int32(first), own.weights)
+
     pieces = [
-        tessellate(
-            points, surface.faces, viewpoint, band.highest, rtol, band.pattern_gain, max_range, band.half_band,
-            smooth=surface.smooth, still=True,
-        )
-        if chosen is None or number in chosen
-        else NO_FACETS
+        divided(number, points, surface, rtol)
         for number, (points, surface, rtol) in enumerate(
             zip(surfaces.static_vertices, surfaces.static, tolerance.tolist(), strict=True)
         )
-    ]  # fmt: skip
+    ]
     wavenumber = max_wavenumber(band)
     flat = stack_facets(surfaces.static, pieces, [surfaces.static_vertices], viewpoint, wavenumber)
     (found,) = with_patches(flat, surfaces.static, pieces, [surfaces.static_vertices])
     return found
+
+
+def facets_of_cells(
+    surfaces: Surfaces, band: BandTracer, viewpoint: FloatArray, tolerance: FloatArray, cells: FlatCells
+) -> tuple[Facets, NDArray[np.intp]]:
+    """Facets of `cells`, for the `tolerance` (surface,), and the (facet,) index of the cell of each."""
+    first = np.array([each.first_facet for each in surfaces.static])
+    surface = np.searchsorted(first, cells.face, side="right") - 1
+    pieces, owner = [], []
+    for number, rtol in enumerate(tolerance.tolist()):
+        index = np.flatnonzero(surface == number)
+        if not len(index):
+            pieces.append(NO_FACETS)
+            continue
+        own = cells.take(index)
+        triangles = np.arange(3 * len(index), dtype=np.int32).reshape(-1, 3)
+        given = viewpoint, band.highest, rtol, band.pattern_gain, np.inf, band.half_band
+        found = tessellate(own.corners.reshape(-1, 3) + viewpoint, triangles, *given, still=True)
+        pieces.append(found.within(own.face - np.int32(first[number]), own.weights))
+        # As `within` orders them.
+        owner.append(index[found.face[np.argsort(own.face[found.face], kind="stable")]])
+    flat = stack_facets(surfaces.static, pieces, [surfaces.static_vertices], viewpoint, max_wavenumber(band))
+    return with_patches(flat, surfaces.static, pieces, [surfaces.static_vertices])[0], np.concatenate(owner)
 
 
 SlabEdgeTransmission = Callable[[RayScene, Facets, SampledVisibility], tuple[FloatArray, int]]
@@ -96,10 +130,11 @@ def find_visible_facets(
     max_range: float,
     silhouette_rays: SilhouetteRays | None,
     slab_edges: SlabEdgeTransmission | None,
+    pieces_of: FlatCells | None = None,
 ) -> VisibleStaticFacets:
     """Visible facets of the static scene, cut at shadow boundaries, and occluded ones with their visible share.
-    `tolerance` (surface,) is of the tessellation, `rtol` of the visibility."""
-    facets = static_facets(surfaces, band, viewpoint, tolerance, max_range)
+    `tolerance` (surface,) is of the tessellation, `rtol` of the visibility; `pieces_of` as of :func:`static_facets`."""
+    facets = static_facets(surfaces, band, viewpoint, tolerance, max_range, pieces_of=pieces_of)
     near = lengths(facets.centroids - viewpoint) < max_range
     facets = facets.take(np.flatnonzero(facets.facing & near))
     facets = facets.with_pattern_gradient(band.pattern_gradient(facets))

@@ -17,6 +17,7 @@ from rfgen_sionna.tracing.integral.fresnel import media_table
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
 from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
+from rfgen_sionna.tracing.static.shadowed_facets import ShadowedFacets
 from rfgen_sionna.tracing.static.static_trace import StaticTrace
 from rfgen_sionna.tracing.visibility.item_buffer import Shadows
 
@@ -32,23 +33,13 @@ class StaticShadows:
     the integral of their hidden pieces."""
 
     def __init__(self, static: StaticTrace, band: BandTracer, rtol: float) -> None:
-        self._static, self._band = static, band
-        facets = static.facets
-        count = len(facets)
-        self._points = np.ascontiguousarray((facets.corners - static.viewpoint).reshape(-1, 3))
-        self._faces = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
-        self._curved = np.zeros(count, np.bool_) if facets.curved is None else facets.curved
+        self._static, self._band, self.facets = static, band, ShadowedFacets(static)
         order, degree = EXPANSION if rtol >= EXPANSION_RTOL else FINE_EXPANSION
         self._expansion = band.expansions.through(band.expansions.basis(order, degree, full=False))
         nodes = self._expansion.nodes
         media = media_table(Media.at(static.returns.materials, nodes.frequency, band.half_band))
         self._nodes = np.ascontiguousarray(node_table(nodes)), np.stack(band.fields), media
         self._sagitta = float(np.clip(0.75 * np.sqrt(10.0 * rtol), 0.02, 0.75))
-
-    @property
-    def corners(self) -> FloatArray:
-        """(facet, 3, 3) corners [m] of all facets relative to the viewpoint."""
-        return self._points.reshape(-1, 3, 3)
 
     def __call__(self, times: FloatArray, shadows: Sequence[Shadows]) -> tuple[tuple[Shadow, ...], float]:
         """Shadows at each of the `times` [s], and their error between these, relative to the static reference level."""
@@ -61,33 +52,34 @@ class StaticShadows:
             left[np.searchsorted(every, each.facet), k] = each.left
         cut = [self._hidden(each) for each in shadows]
         within = np.unique(np.concatenate([np.searchsorted(every, index) for index, _ in cut]))
-        changing, steady = cast_shadow(static.paths.select(every), left, times, within)
+        changing, steady = cast_shadow(self.facets.paths.select(every), left, times, within)
         changing = replace(changing, paths=self._with_pieces(changing.paths, every[changing.index], cut))
         changing, steady = changing.at(every), steady.at(every)
         missed = 0.0
         if len(times) > 2 and static.level > 0 and changing.paths.num_paths:
             paths = changing.paths
             turns = np.exp(-2j * np.pi * np.mod(paths.frequency * paths.tau[0, 0, :, 0], 1.0))
-            off = (paths.a[0, 0].T * turns * static.weight[changing.index]).sum(axis=1) @ leave_one_out(len(times)).T
+            off = (paths.a[0, 0].T * turns * self.facets.weight[changing.index]).sum(axis=1) @ leave_one_out(
+                len(times)
+            ).T
             missed = LEAVE_ONE_OUT_SCALE * float(np.sqrt(np.mean(np.abs(off) ** 2))) / static.level
         return tuple(each for each in (changing, steady) if each.paths.num_paths), missed
 
     def _hidden(self, shadows: Shadows) -> tuple[NDArray[np.intp], ComplexArray]:
         """Facets with known hidden pieces, and the gains (order, tx, rx, facet) of these."""
-        hidden = shadows.hidden
-        chosen = hidden.facet[(hidden.triangles > 0) & ~self._curved[hidden.facet]]
+        hidden, facets = shadows.hidden, self.facets
+        chosen = hidden.facet[(hidden.triangles > 0) & ~facets.curved[hidden.facet]]
         gains = np.zeros((len(self._nodes[0]), len(chosen)), np.complex128)
         if len(chosen):
-            places = self.corners[chosen].mean(axis=1)
+            corners, every = facets.corners[chosen], np.arange(len(chosen))
+            places = corners.mean(axis=1)
             gradient = self._band.pattern_gradients(places)
-            flat, share = np.full(self._faces.shape, -1, np.int32), np.ones(len(chosen))
             patch_gains(
-                self._points, self._faces, flat, np.zeros((1, 3)), np.arange(len(self._faces), dtype=np.int32),
-                np.zeros((0, 3, 3)), chosen, share, hidden.of(chosen), hidden.pieces, hidden.triangles,
-                np.asarray(self._static.facets.surface, np.int32), np.zeros(len(self._faces), np.bool_), self._nodes[0],
-                self._nodes[1], self._nodes[2], not self._band.alike, self._sagitta,
-                0.0,
-                np.zeros((0, 3)) if gradient is None else gradient, gains, places,
+                corners.reshape(-1, 3), np.arange(3 * len(chosen), dtype=np.int32).reshape(-1, 3),
+                np.full((len(chosen), 3), -1, np.int32), np.zeros((1, 3)), every.astype(np.int32),
+                np.zeros((0, 3, 3)), every, np.ones(len(chosen)), hidden.of(chosen), hidden.pieces, hidden.triangles,
+                facets.surface[chosen], np.zeros(len(chosen), np.bool_), *self._nodes, not self._band.alike,
+                self._sagitta, 0.0, np.zeros((0, 3)) if gradient is None else gradient, gains, places,
             )  # fmt: skip
         return chosen, self._band.combined(self._expansion, gains)
 

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._types import FloatArray
+from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
@@ -24,7 +24,14 @@ from rfgen_sionna.tracing.shadows.adaptive_sampling import (
 from rfgen_sionna.tracing.shadows.shadow_cones import BoundingSpheres, bounding_spheres, in_shadow_cones
 from rfgen_sionna.tracing.shadows.silhouettes import FacetLocator, SilhouetteRays, static_silhouettes
 from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
-from rfgen_sionna.tracing.static.static_facets import SlabEdgeTransmission, find_visible_facets, max_wavenumber
+from rfgen_sionna.tracing.static.cell_returns import CellReturns, divide_faces
+from rfgen_sionna.tracing.static.flat_cells import FlatCells
+from rfgen_sionna.tracing.static.static_facets import (
+    SlabEdgeTransmission,
+    facets_of_cells,
+    find_visible_facets,
+    max_wavenumber,
+)
 from rfgen_sionna.tracing.static.static_visibility import StaticReturns, StaticVisibility
 from rfgen_sionna.tracing.surface.facets import Facets, facet_paths
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
@@ -69,6 +76,17 @@ class StaticTrace:
     tolerance: FloatArray
     """(surface,) tolerance of the tessellation."""
     returns: StaticReturns
+    cells: CellReturns | None
+    """Wholly visible cells of large flat faces, whose paths follow those of the facets; None without any."""
+    surfaces: Surfaces
+
+    def facets_of(self, cells: FlatCells) -> tuple[Facets, NDArray[np.intp], RadarPaths]:
+        """Facets of visible `cells`, the (facet,) index of the cell of each, and their paths."""
+        band, returns = self.returns.band, self.returns
+        facets, owner = facets_of_cells(self.surfaces, band, self.viewpoint, self.tolerance, cells)
+        facets = facets.with_pattern_gradient(band.pattern_gradient(facets))
+        gains = band.combined(returns.expansion, band.values(facets, returns.materials, returns.expansion))
+        return facets, owner, _paths(self.surfaces, facets, gains, band, self.viewpoint)
 
     @cached_property
     def unoccluded(self) -> NDArray[np.int64]:
@@ -207,23 +225,28 @@ def trace_static(
     rtol: float,
     max_range: float,
     slab_edges: SlabEdgeTransmission | None = None,
+    by_cells: bool = False,
 ) -> StaticTrace:
     """Trace the static surfaces up to `max_range` [m], as the radar's IF filter removes farther ones.
 
     `rays` holds the static scene alone; None without static surfaces. `slab_edges` finds transmission through slabs
-    beside shadow boundaries; None has none. Warns where `rtol` is not met.
+    beside shadow boundaries; None has none. `by_cells` integrates wholly visible parts of large flat faces by their
+    edges; else all of them are facets. Warns where `rtol` is not met.
     """
     materials = tuple(surface.material for surface in surfaces.static)
     resolution, rays_sent = np.ones(len(materials)), 0
     before = [np.inf, np.inf]  # error of single facets, and with an expansion
     silhouette_rays = None
+    divided = divide_faces(surfaces, band, rtol, max_range) if by_cells and rays is not None else None
+    pieces_of = None if divided is None else divided.take(np.flatnonzero(~divided.visible))
     if rays is not None:
         past, span = static_silhouettes(surfaces, viewpoint)
         silhouette_rays, rays_sent = SilhouetteRays(past, rays.first_facet(viewpoint, past), span), len(past)
     for attempt in range(MAX_ROUNDS):
         visible = find_visible_facets(
-            surfaces, rays, band, viewpoint, rtol, rtol * resolution, max_range, silhouette_rays, slab_edges
-        )
+            surfaces, rays, band, viewpoint, rtol, rtol * resolution, max_range, silhouette_rays, slab_edges,
+            pieces_of,
+        )  # fmt: skip
         facets, rays_sent = visible.facets, rays_sent + visible.rays
         weight = visible.fraction * band.pattern_gain(facets.directions(viewpoint))
         refined = RefinedReturns.of(band, facets, materials, weight)
@@ -254,14 +277,32 @@ def trace_static(
         returns.boundary_correction(visible.tiny, visible.edges, facets.centroids[visible.edges.owner]).add_to(gains)
     if (rough := band.diffuse(facets, materials)) is not None:  # each facet by itself
         gains[0] += np.sqrt(visible.fraction) * rough  # energy goes with the visible area
+    paths = _paths(surfaces, facets, gains, band, viewpoint)
+    error, scale = float(np.hypot(found.total, SAFETY * visible.missed)), found.scale
+    cells = None if divided is None else CellReturns.of(surfaces, band, rtol, divided, scale)
+    if cells is not None:
+        paths = RadarPaths.concatenate([paths, cells.paths(cells.returns)])
+        missed, level = cells.error()
+        whole = float(np.hypot(scale, level))
+        error, scale = float(np.hypot(error * scale, missed)) / max(whole, 1e-300), whole
+    return StaticTrace(
+        paths, facets, visible.fraction, rays, viewpoint, rays_sent,
+        error, scale, found.level, visible.whole, visible.hidden, visible.hidden_fraction, rtol * resolution,
+        replace(returns, rough=rough), cells, surfaces,
+    )  # fmt: skip
+
+
+def _paths(
+    surfaces: Surfaces,
+    facets: Facets,
+    gains: ComplexArray,
+    band: BandTracer,
+    viewpoint: FloatArray,
+) -> RadarPaths:
+    """Paths of facets with `gains` (order, tx, rx, facet)."""
     tau = band.delays(facets.centroids)[..., None]
-    paths = facet_paths(
+    return facet_paths(
         surfaces.static, facets, np.array([0.0]), gains[..., None], tau, np.zeros_like(tau),
         facets.directions(viewpoint)[:, None], band.centre, band.half_band,
         (surfaces.object_names, surfaces.part_names),
-    )  # fmt: skip
-    return StaticTrace(
-        paths, facets, visible.fraction, rays, viewpoint, rays_sent,
-        float(np.hypot(found.total, SAFETY * visible.missed)), found.scale, found.level, visible.whole, visible.hidden,
-        visible.hidden_fraction, rtol * resolution, replace(returns, rough=rough),
     )  # fmt: skip

@@ -42,6 +42,8 @@ class Surface:
     """Normals of the smooth surface that the mesh samples; None means flat."""
     still: bool
     """Whether it is static in the world, also for a moving radar."""
+    whole: str = ""
+    """Name of the actor of which it is the part of one material; empty for whole ones."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +58,18 @@ class Surfaces:
 
 
 def tolerance_groups(surfaces: Sequence[Surface]) -> IntArray:
-    """(surface,) first surface of each one's tolerance group: one group per actor, one for all static surfaces."""
+    """(surface,) first surface of each one's tolerance group: one per moving surface, one for all static ones."""
     still = np.array([each.still for each in surfaces], np.bool_)
     return np.where(still, still.argmax() if still.any() else 0, np.arange(len(still))).astype(np.int32)
+
+
+def actor_groups(surfaces: Sequence[Surface]) -> IntArray:
+    """(surface,) :func:`tolerance_groups` where the parts of an actor, one of each material, are one group."""
+    groups, first = tolerance_groups(surfaces), dict[str, int]()
+    for number, each in enumerate(surfaces):
+        if each.whole:
+            groups[number] = first.setdefault(each.whole, number)
+    return groups
 
 
 def is_closed(faces: IntArray) -> bool:
@@ -107,6 +118,7 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[MeshActor | Rela
                 outward=outward_faces(points, thing.faces) if closed else np.zeros(len(thing.faces), np.bool_),
                 smooth=find_smoothing(points, thing.faces),
                 still=still,
+                whole=getattr(thing, "whole", ""),
             )
         )
 

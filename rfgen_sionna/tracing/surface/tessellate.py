@@ -75,6 +75,15 @@ class Tessellation:
         """(facet, 3) barycentric coordinates of the centroids."""
         return triangle_centroids(self.weights)
 
+    def within(self, face: IntArray, weights: FloatArray) -> Tessellation:
+        """The same, of pieces of faces: pieces of the faces `face` (piece,), by the barycentric coordinates `weights`
+        (piece, 3, 3) of the pieces. Neither may have grains."""
+        order = np.argsort(face[self.face], kind="stable")
+        own = self.face[order]
+        flat = None if self.flat_parts is None else self.flat_parts[order]
+        curved = None if self.curved_parts is None else self.curved_parts[order]
+        return Tessellation(face[own], self.weights[order] @ weights[own], self.parts[order], flat, curved)
+
     def are_the_faces(self, count: int) -> bool:
         """Whether the facets are the `count` faces, in order."""
         return len(self.face) == count and self._begin_the_faces

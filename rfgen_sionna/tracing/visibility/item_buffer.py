@@ -19,6 +19,7 @@ from rfgen_sionna.tracing.visibility.rasterise import (
     bounding_box,
     count_hidden,
     count_items,
+    count_within,
     cut_facets,
     draw,
     mean_area,
@@ -28,6 +29,7 @@ from rfgen_sionna.tracing.visibility.rasterise import (
     set_fractions,
     widen_window,
 )
+from rfgen_sionna.tracing.visibility.static_items import StaticItems
 
 MAX_TANGENT = 2.0
 """Largest tangent of the angle off a view's axis; beyond it six views of 90 degrees are taken."""
@@ -77,9 +79,11 @@ class Resolution:
     """Least number of pixels along the longer side of a surface."""
 
 
-def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resolution) -> list[ItemView]:
+def choose_views(
+    points: Sequence[FloatArray], meshes: Meshes, resolution: Resolution, group: IntArray | None = None
+) -> list[ItemView]:
     """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the
-    smallest surface of a view has this `resolution`."""
+    smallest `group` (surface,) of surfaces of a view has this `resolution`. None makes each surface a group."""
     vertex_range = meshes.vertex_range
     count = len(vertex_range)
     used = [k for k in range(count) if vertex_range[k, 1] > vertex_range[k, 0]]
@@ -93,13 +97,17 @@ def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resol
     windows = {k: _window([each[slice(*vertex_range[k])] for each in points], axes) for k in used}
     if any(each is None for each in windows.values()):
         return _cube(tuple(used), 4 * resolution.outline)
-    scales = {k: _scale(points[0], meshes, k, window, axes, resolution) for k, window in windows.items() if window}
     outlines = {k: each for k, each in windows.items() if each is not None}
+    group = np.arange(count) if group is None else group
+    of_group = {
+        number: _scale(points[0], meshes, {k: outlines[k] for k in used if group[k] == number}, axes, resolution)
+        for number in np.unique(group[used]).tolist()
+    }
     views = []
     for cluster in _clusters(outlines):
         low = np.min([outlines[k][0] for k in cluster], axis=0)
         high = np.max([outlines[k][1] for k in cluster], axis=0)
-        scale = max(scales[k] for k in cluster)
+        scale = max(of_group[int(group[k])] for k in cluster)
         size = (high - low) * scale + 2 * MARGIN
         if size[0] * size[1] > MAX_PIXELS:
             scale *= np.sqrt(MAX_PIXELS / (size[0] * size[1]))
@@ -112,14 +120,15 @@ def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resol
 def _scale(
     points: FloatArray,
     meshes: Meshes,
-    k: int,
-    window: tuple[FloatArray, FloatArray],
+    outlines: dict[int, tuple[FloatArray, FloatArray]],
     axes: FloatArray,
     resolution: Resolution,
 ) -> float:
-    """Pixels per tangent that surface `k` needs, with its outline in the `window`."""
-    extent = max(float((window[1] - window[0]).max()), 1e-9)
-    area = mean_area(points, meshes.corners[slice(*meshes.facet_range[k])], axes)
+    """Pixels per tangent that surfaces with these `outlines` need together."""
+    low, high = (np.array([each[end] for each in outlines.values()]) for end in (0, 1))
+    extent = max(float((high.max(axis=0) - low.min(axis=0)).max()), 1e-9)
+    corners = np.concatenate([meshes.corners[slice(*meshes.facet_range[k])] for k in outlines])
+    area = mean_area(points, corners, axes)
     by_facets = np.sqrt(resolution.facet / area) if area > 0 else 0.0
     return float(max(resolution.outline / extent, by_facets))
 
@@ -196,17 +205,21 @@ class Shadows(NamedTuple):
     hidden: Cuts
     """Hidden pieces of those that are occluded in part."""
 
+    def and_of(self, other: Shadows) -> Shadows:
+        """These, and those on facets with larger numbers."""
+        hidden = Cuts(*(np.concatenate(each) for each in zip(self.hidden, other.hidden, strict=True)))
+        return Shadows(np.concatenate([self.facet, other.facet]), np.concatenate([self.left, other.left]), hidden)
+
 
 NO_SHADOWS = Shadows(np.zeros(0, np.intp), np.zeros(0), Cuts(np.zeros(0, np.intp), np.zeros((0, 2, 3, 3)),
                                                              np.zeros(0, np.int32)))  # fmt: skip
 
 
 class ItemBuffer:
-    """Draws `meshes` at one time after another in the same `views`, before facets at rest with corners (facet, 3, 3)
-    [m] relative to the viewpoint, visible without the surfaces."""
+    """Draws `meshes` at one time after another in the same `views`, before `static` items."""
 
-    def __init__(self, meshes: Meshes, views: Sequence[ItemView], static: FloatArray) -> None:
-        self.meshes, self.views = meshes, tuple(views)
+    def __init__(self, meshes: Meshes, views: Sequence[ItemView], static: StaticItems) -> None:
+        self.meshes, self.views, self._items = meshes, tuple(views), static
         self._first = len(static)
         count = int(meshes.vertex_range.max(initial=0))
         self._left, self._up, self._inverse = np.zeros((3, count))
@@ -214,7 +227,7 @@ class ItemBuffer:
         self._static: list[tuple[NDArray[np.float32], NDArray[np.int32]]] = []
         self._projected: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         if self._first:
-            self._draw_static(static)
+            self._draw_static(static.corners)
 
     def _draw_static(self, static: FloatArray) -> None:
         points, corners = static.reshape(-1, 3), np.arange(3 * len(static), dtype=np.int32).reshape(-1, 3)
@@ -274,6 +287,7 @@ class ItemBuffer:
 
     def shadows(self) -> Shadows:
         """Facets at rest, and their parts, that the surfaces of the last :meth:`fractions` occlude."""
+        facets = self._first - self._items.triangles
         total, cuts = np.zeros((self._first, 3)), []
         corners = np.arange(3 * self._first, dtype=np.int32).reshape(-1, 3)
         for (_, before), (_, items), view, projected in zip(
@@ -282,6 +296,7 @@ class ItemBuffer:
             hidden = np.zeros((self._first, 3))
             count_hidden(before, items, self._first, hidden)
             partial = np.flatnonzero((hidden[:, 0] > 0) & (hidden[:, 0] < self._pixels))
+            partial = partial[partial < facets]
             shares = hidden[partial, 0] / self._pixels[partial]
             cuts.append(self._cut(view, projected, corners, partial, shares, hidden))
             total += hidden
@@ -295,7 +310,29 @@ class ItemBuffer:
                 visible &= here
             left[some[~visible]] = 0.0
         occluded = np.flatnonzero(left < 1.0)
-        return Shadows(occluded, left[occluded], _whole_views(cuts, total))
+        own = occluded[occluded < facets]
+        found = Shadows(own, left[own], _whole_views(cuts, total))
+        return found.and_of(self._within(occluded[len(own) :])) if len(own) < len(occluded) else found
+
+    def _within(self, triangles: NDArray[np.intp]) -> Shadows:
+        """Shadows on the facets of large `triangles`, given by their items."""
+        first = self._first - self._items.triangles
+        number, owner, corners = self._items.divide(triangles - first)
+        points, count = corners.reshape(-1, 3), len(number)
+        share, total, cuts = np.zeros(count), np.zeros((count, 3)), []
+        for view, (_, before), (_, items) in zip(self.views, self._static, self._buffers, strict=True):
+            projected = left, up, inverse = np.empty(len(points)), np.empty(len(points)), np.empty(len(points))
+            pixels, hidden = np.zeros(count), np.zeros((count, 3))
+            project(points, view.axes, left, up, inverse)
+            count_within(*projected, first + owner, view.origin, view.scale, before, items, self._first, pixels, hidden)
+            here = hidden[:, 0] / np.maximum(pixels, 1.0)
+            partial = np.flatnonzero((here > 0.0) & (here < 1.0))
+            places = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+            cuts.append(self._cut(view, projected, places, partial, here[partial], hidden))
+            share += here
+            total += hidden
+        dark, cut = np.flatnonzero(share), _whole_views(cuts, total)
+        return Shadows(number[dark], 1.0 - np.minimum(share[dark], 1.0), cut._replace(facet=number[cut.facet]))
 
     def _cut(
         self,

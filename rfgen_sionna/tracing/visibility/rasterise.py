@@ -214,6 +214,55 @@ def count_hidden(before: Any, items: Any, first: int, hidden: Any) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def count_within(
+    left: Any, up: Any, inverse: Any, owner: Any, origin: Any, scale: float, before: Any, items: Any, first: int,
+    pixels: Any, hidden: Any,
+) -> None:  # fmt: skip
+    """Add to `pixels` (facet,) those of each facet, also beyond the view, and to `hidden` (facet, 3), as
+    :func:`count_hidden`, those where its `owner` (facet,) was visible `before` and an item from `first` on is now.
+
+    `left`, `up` and `inverse` (3 * facet,) are those of the facets' corners by :func:`project`. A facet without pixel
+    centres of its own takes the pixel of its centroid.
+    """
+    rows, columns = items.shape
+    for f in range(owner.shape[0]):
+        a, b, c = 3 * f, 3 * f + 1, 3 * f + 2
+        if inverse[a] == 0.0 or inverse[b] == 0.0 or inverse[c] == 0.0:
+            continue  # beside this view
+        ax, ay = (left[a] - origin[0]) * scale, (up[a] - origin[1]) * scale
+        bx, by = (left[b] - origin[0]) * scale, (up[b] - origin[1]) * scale
+        cx, cy = (left[c] - origin[0]) * scale, (up[c] - origin[1]) * scale
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if area < 0.0:
+            bx, by, cx, cy, area = cx, cy, bx, by, -area
+        x_low, x_high, y_low, y_high = min(ax, bx, cx), max(ax, bx, cx), min(ay, by, cy), max(ay, by, cy)
+        if x_high < 0.0 or x_low > columns or y_high < 0.0 or y_low > rows:
+            continue
+        inside = 0.0
+        for j in range(max(int(np.ceil(y_low - 0.5)), 0), min(int(np.floor(y_high - 0.5)), rows - 1) + 1):
+            y = j + 0.5
+            low, high = x_low, x_high
+            for x0, y0, x1, y1 in ((ax, ay, bx, by), (bx, by, cx, cy), (cx, cy, ax, ay)):
+                rise = y1 - y0
+                if rise > 0.0:
+                    high = min(high, x0 + (x1 - x0) * (y - y0) / rise)
+                elif rise < 0.0:
+                    low = max(low, x0 + (x1 - x0) * (y - y0) / rise)
+            for i in range(max(int(np.ceil(low - 0.5)), 0), min(int(np.ceil(high - 0.5)), columns)):
+                inside += 1.0
+                if before[j, i] == owner[f] and items[j, i] >= first:
+                    hidden[f, 0] += 1.0
+                    hidden[f, 1] += i + 0.5
+                    hidden[f, 2] += y
+        if inside == 0.0:
+            i, j = int(np.floor((ax + bx + cx) / 3.0)), int(np.floor((ay + by + cy) / 3.0))
+            if 0 <= i < columns and 0 <= j < rows and items[j, i] >= first and before[j, i] == owner[f]:
+                inside = hidden[f, 0] = 1.0
+        shown = x_low >= 0.0 and x_high <= columns and y_low >= 0.0 and y_high <= rows
+        pixels[f] += inside if shown else max(0.5 * area, inside)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def cut_facets(
     left: Any, up: Any, inverse: Any, corners: Any, chosen: Any, origin: Any, scale: float, shares: Any, seen: Any,
     cuts: Any, found: Any,

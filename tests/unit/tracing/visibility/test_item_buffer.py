@@ -5,8 +5,9 @@ import pytest
 import trimesh
 
 from rfgen_sionna.tracing.visibility.item_buffer import ItemBuffer, Meshes, Resolution, choose_views
+from rfgen_sionna.tracing.visibility.static_items import StaticItems
 
-NOTHING = np.zeros((0, 3, 3))
+NOTHING = StaticItems()
 RESOLUTION = Resolution(20.0, 400)
 
 
@@ -104,7 +105,7 @@ def test_a_surface_around_the_viewpoint_takes_six_views():
 
 def test_an_actor_hides_its_share_of_what_stands_behind():
     """Facets at rest lose the pixels before which the actor stands, and get them back beside it."""
-    wall = square(4.0, -2.0, 2.0, 2.0).triangles
+    wall = StaticItems(square(4.0, -2.0, 2.0, 2.0).triangles)
     _, _, buffer = seen([square(2.0, -0.25, 0.25, 0.25)], wall)
     shadows = buffer.shadows()
     assert len(shadows.facet) == 2
@@ -125,14 +126,33 @@ def fine(triangles, times):
 def test_small_facets_behind_an_actor_are_wholly_hidden():
     """However few their pixels."""
     wall = fine(square(4.0, -0.4, 0.4, 0.4).triangles, 6)
-    _, _, buffer = seen([square(2.0, -0.25, 0.25, 0.25)], wall)
+    _, _, buffer = seen([square(2.0, -0.25, 0.25, 0.25)], StaticItems(wall))
     shadows = buffer.shadows()
     assert len(shadows.facet) == len(wall)
     assert not shadows.left.any()
     assert not len(shadows.hidden.facet)
 
 
+def test_large_triangles_are_divided_where_a_shadow_falls():
+    """Their facets have the shadows that they would have as items of their own."""
+    wall, screen = square(4.0, -2.0, 2.0, 2.0).triangles, square(2.0, -0.25, 0.31, 0.25)
+    facets = [fine(each[None], 4) for each in wall]
+    beside = square(4.0, 3.0, 3.1).triangles
+
+    def divide(triangles):
+        number = np.concatenate([2 + 256 * k + np.arange(256) for k in triangles])
+        return number, np.repeat(triangles, 256), np.concatenate([facets[k] for k in triangles])
+
+    _, _, whole = seen([screen], StaticItems(np.concatenate([beside, wall]), 2, divide))
+    _, _, single = seen([screen], StaticItems(np.concatenate([beside, *facets])))
+    found, expected = whole.shadows(), single.shadows()
+    assert found.facet.tolist() == expected.facet.tolist()
+    assert found.left == pytest.approx(expected.left, abs=0.02)
+    assert found.hidden.facet.tolist() == expected.hidden.facet.tolist()
+    np.testing.assert_allclose(found.hidden.pieces, expected.hidden.pieces, atol=0.05)
+
+
 def test_what_stands_before_an_actor_hides_it():
-    screen = square(1.0, -1.0, 1.0).triangles
+    screen = StaticItems(square(1.0, -1.0, 1.0).triangles)
     found, _, _ = seen([trimesh.creation.icosphere(2, 0.1).apply_translation((2, 0, 0))], screen)
     assert not found.any()
