@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
+from rfgen_sionna._types import FloatArray
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
+from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tolerance import SIMULATOR_RTOL
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.direct.direct_trace import DirectTrace, trace_direct
-from rfgen_sionna.tracing.direct.knot_count import count_knots
+from rfgen_sionna.tracing.direct.knots import Knots, choose_knots
 from rfgen_sionna.tracing.direct.run_scene import RunScene
 from rfgen_sionna.tracing.direct.trace_plan import TracePlan
 from rfgen_sionna.tracing.gains.band import BandTracer
@@ -44,8 +45,8 @@ PHASE_PER_RTOL = 0.5
 per unit of `rtol`: 0.1° at any time for 1e-3."""
 OMITTED_SHARE = 0.5
 """Share of the tolerance below which the amplitude that slabs leave counts as 0."""
-VISIBILITY_SPACING, FEWEST_KNOTS = 10e-3, 4
-"""Largest gap [s] between knots of given positions, and their least number."""
+VISIBILITY_SPACING = 10e-3
+"""Largest gap [s] between four or more sample times of gains and visibility; knots of delays may be closer."""
 
 
 class Tracer:
@@ -190,18 +191,12 @@ class Tracer:
         """
         return TraceRun(cull, span)
 
-    def knots(
-        self, positions: Callable[[float], Sequence[FloatArray]], start: float, stop: float
-    ) -> tuple[FloatArray, float]:
-        """(knot,) knots from `start` to `stop` [s] for the delays of meshes with `positions`, time [s] to (vertex, 3)
-        [m] of each, and the phase error between them [rad]."""
-        if stop <= start:
-            return np.array([start]), 0.0
-        (tx, rx), wavenumber = self._band.elements, 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
-        first = max(FEWEST_KNOTS, 1 + int(np.ceil((stop - start) / VISIBILITY_SPACING)))
-        pairs = [(tx[0], rx[0]), (tx[-1], rx[-1])]
-        count, error = count_knots(positions, pairs, start, stop - start, wavenumber, PHASE_PER_RTOL * self.rtol, first)
-        return np.linspace(start, stop, count), error
+    def knots(self, positions: Callable[[float], Sequence[FloatArray]], start: float, stop: float) -> Knots:
+        """Knots from `start` to `stop` [s] for the delays of meshes with `positions`, time [s] to (vertex, 3) [m] of
+        each."""
+        interval = start, stop, self._band.highest, PHASE_PER_RTOL * self.rtol, VISIBILITY_SPACING
+        reach = 0.5 * float(lengths(self.radar.virtual_positions).max())
+        return choose_knots(positions, self._viewpoint, *interval, self._band.pattern_gain, reach)
 
     @one_blas_thread()
     def trace(

@@ -14,5 +14,6 @@ module              content
 `knot_count`        number of knots of an interval
 `other_diagonals`   surfaces whose quads are cut along the other diagonal
 `direct_trace`      paths of one interval
+`knots`             knots of delays alone, for given positions
 ==================  ====================================================================
 """

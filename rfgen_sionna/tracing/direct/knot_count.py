@@ -42,7 +42,7 @@ def with_knots(plan: TracePlan, starts: Sequence[float], length: float) -> Trace
     pairs = [(tx[0], rx[0]), (tx[-1], rx[-1])][: max(len(tx), len(rx))]
     tolerance = PHASE_PER_RTOL * scene.rtol
     given = length, scene.wavenumber, tolerance, first_count(plan, length)
-    count = max(count_knots(scene.positions, pairs, start, *given)[0] for start in starts)
+    count = max(count_knots(scene.positions, pairs, start, *given) for start in starts)
     while True:
         measured = [_time_error(plan, start, length, count) for start in starts]
         missed, predicted, level = (np.sqrt(np.mean(np.square(each), axis=0)) for each in zip(*measured, strict=True))
@@ -99,9 +99,9 @@ def count_knots(
     wavenumber: float,
     tolerance: float,
     first: int,
-) -> tuple[int, float]:
+) -> int:
     """Smallest number of evenly spaced knots, `first` at least, between which a spline predicts the phase of every mesh
-    to `tolerance` [rad, root mean square over its vertices], and to three times that at any time; and the error [rad].
+    to `tolerance` [rad, root mean square over its vertices], and to three times that at any time.
 
     `positions` gives the (vertex, 3) of each mesh [m] at a time from `start` for a `length` [s]; `pairs` are positions
     (3,) [m] of Tx and Rx elements, `wavenumber` is in rad/m. Tests are once per gap, at fractions that no vibration is
@@ -127,7 +127,7 @@ def count_knots(
         rms = np.sqrt(np.array([np.mean(own**2, axis=2).max(axis=1) for own in np.split(off, borders, axis=2)]))
         worst = float(np.sqrt(np.mean(rms**2, axis=1)).max(initial=0.0))
         if worst <= tolerance and rms.max(initial=0.0) <= 3 * tolerance:
-            return count, worst
+            return count
         spacing = length / (count - 1)
         if (spacing < MIN_SPACING and worst * SMOOTH_GAIN > before) or count >= MAX_COUNT:
             _LOG.warning(
@@ -135,7 +135,7 @@ def count_knots(
                 "(allowed: %.2g); time_error includes it",
                 start, start + length, 1e3 * spacing, worst, tolerance,
             )  # fmt: skip
-            return count, worst
+            return count
         count, before = count + max(1, count // 3), worst
 
 
