@@ -171,7 +171,7 @@ class Simulator(ShortRepr):
     @cached_property
     def tracer(self) -> Tracer:
         """Tracer of the simulation."""
-        from rfgen_sionna.tracing.tracer import Tracer  # which brings numba along
+        from rfgen_sionna.tracing.tracer import Tracer  # loads numba
 
         return Tracer(self.scene, self.radar, self.actors, self.rtol, self.seed, self.max_bounces, self.transmission)
 

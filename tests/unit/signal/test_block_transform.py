@@ -160,6 +160,23 @@ def test_gains_change_over_the_band_and_the_frame():
     keeps_to_tolerances(radar, paths, truth)
 
 
+@pytest.mark.parametrize("chirp", [3, 4])
+@pytest.mark.parametrize("eps", [5e-3, 0.05])
+def test_gains_that_flash_within_a_chirp_keep_to_the_tolerance(chirp, eps):
+    """Pulses a third of the window wide over a steady return, as of a plate that turns fast, in a chirp that six evenly
+    spaced ones include and in one that they leave out."""
+    radar = short("position2go", loops=16)
+    wave = radar.waveform
+    window = wave.num_samples / wave.sample_rate
+    middle, flash = wave.chirp_times[chirp, 0] + wave.adc_start_time + 0.5 * window, window / 3
+    at = knots(radar, 1 + int(4 * wave.frame_length / flash))
+    delay, gain = scene(radar, count=4)
+    still = make_paths(radar, gain, delay, at)
+    paths = replace(still, a=still.a * (0.1 + np.exp(-(((at - middle) / flash) ** 2))))
+    truth = synthesize(radar, paths, 0.0, eps=1e-7, device="cpu")
+    assert relative(synthesize(radar, paths, 0.0, eps=eps, device="cpu"), truth) <= eps
+
+
 @pytest.mark.parametrize("orders", [2, 4])
 def test_higher_orders_of_dispersion(orders, forms):
     radar = short("awr1843", "mmmesh", loops=16)

@@ -114,7 +114,7 @@ def test_an_actor_hides_its_share_of_what_stands_behind():
 
 
 def fine(triangles, times):
-    """Triangles in halves of halves."""
+    """Each triangle in four, so many `times` over."""
     for _ in range(times):
         a, b, c = np.moveaxis(triangles, 1, 0)
         d, e, f = 0.5 * (b + c), 0.5 * (c + a), 0.5 * (a + b)
