@@ -54,7 +54,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         return built
 
     monkeypatch.setattr("rfgen_sionna.generative.actor.person", note("body"))
-    monkeypatch.setattr("rfgen_sionna.simulation.Tracer", note("tracer"))
+    monkeypatch.setattr("rfgen_sionna.tracing.tracer.Tracer", note("tracer"))
     started = time.perf_counter()
     yield
     assert time.perf_counter() - started < 4.0  # a room's scene may have been read, which takes a second or two
@@ -199,7 +199,7 @@ def test_a_body_in_the_radar_is_refused_before_tracing(
     quick: dict[str, Any], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the arms go is known once there is a body; nothing is traced or written all the same."""
-    monkeypatch.setattr("rfgen_sionna.simulation.Tracer", None)
+    monkeypatch.setattr("rfgen_sionna.tracing.tracer.Tracer", None)
     with pytest.raises(ValueError, match=r"radar position .* actor 'person'"):
         rfgen.generate("a person pushing", output="run.h5", distance=0.05, **quick)
     assert list(folder.iterdir()) == []
