@@ -11,10 +11,16 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.direct.facet_bounds import bound_returns, significant
+from rfgen_sionna.tracing.integral.leg_fields import LegTables
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
+from rfgen_sionna.tracing.legs.leg import Leg
+from rfgen_sionna.tracing.legs.leg_visibility import Crossings, see_along
+from rfgen_sionna.tracing.legs.slab_scene import SlabScene
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.visibility.item_buffer import (
+    NO_CUTS,
     NO_SHADOWS,
     Cuts,
     ItemBuffer,
@@ -45,14 +51,33 @@ class Sample:
     normals: FloatArray
     """(normal, 3)"""
     seen: tuple[SeenFacets, ...]
-    """From each place of the array, the phase centre first or alone."""
+    """From each place of the array, or from the phase centre alone."""
     shadows: Shadows
-    """On facets at rest, from the first place."""
+    """On facets at rest, from the place next to the phase centre."""
+    crossed: Crossings | None = None
+    """Slabs on the direct leg to each facet; None without transmission."""
 
     @property
     def visible(self) -> FloatArray:
         """(facet,) largest visible fraction from any place."""
         return self.seen[0].visible if len(self.seen) == 1 else np.max([each.visible for each in self.seen], axis=0)
+
+    def seen_from(self, one: int, other: int, chosen: NDArray[np.intp]) -> tuple[FloatArray, NDArray[np.int32], Cuts]:
+        """(chosen,) fraction of the `chosen` facets that is visible from two places, (chosen,) cut of each, -1 without
+        one, and the cuts. One shadow boundary is assumed on a facet: the place that shows less of it counts."""
+        share, cuts = self.seen[one]
+        found = share[chosen]
+        if one == other:
+            return found, cuts.of(chosen), cuts
+        share, more = self.seen[other]
+        less = share[chosen] < found
+        cut = np.where(less, more.of(chosen), np.int32(-1))
+        cut[cut >= 0] += np.int32(len(cuts.facet))
+        joined = Cuts(
+            np.concatenate([cuts.facet, more.facet]), np.concatenate([cuts.pieces, more.pieces]),
+            np.concatenate([cuts.triangles, more.triangles]),
+        )  # fmt: skip
+        return np.where(less, share[chosen], found), np.where(less, cut, cuts.of(chosen)), joined
 
 
 @dataclass(frozen=True)
@@ -67,28 +92,40 @@ class Sampler:
     max_range: float
     resolution: Resolution
     static: FloatArray
+    slabs: SlabScene | None = None
+    """Slabs that transmit; None means that all surfaces occlude."""
 
     def at(self, times: Sequence[float], places: FloatArray) -> list[Sample]:
         """Samples at `times` [s] from `places` (place, 3) [m] of the array relative to the viewpoint, in common
-        views."""
+        views. Slabs are looked for from the phase centre alone."""
         mesh = self.mesh
         points = [mesh.points(self.positions(t), self.viewpoint) for t in times]
+        shares, crossed, shown_cuts = None, list[Crossings | None]([None] * len(times)), list[Cuts]()
+        if self.slabs is not None:
+            given = mesh.meshes, points, self.slabs.occluders, self.resolution, mesh.corner_normals
+            shares, found, shown_cuts = see_along(Leg(()), *given)
+            crossed = [*found]
+        central = int(np.argmin(lengths(places)))
         seen, shadows = list[list[SeenFacets]](), [NO_SHADOWS for _ in times]
         for number, place in enumerate(places):
             moved = points if not place.any() else [each - place for each in points]
-            buffer = ItemBuffer(mesh.meshes, choose_views(moved, mesh.meshes, self.resolution), self.static - place)
+            views = choose_views(moved, mesh.meshes, self.resolution, self.max_range)
+            buffer = ItemBuffer(mesh.meshes, views, self.static - place)
             seen.append([])
             for k, (each, own) in enumerate(zip(moved, points, strict=True)):
-                visible = np.zeros(len(mesh))
-                cuts = buffer.fractions(each, visible)
+                visible, cuts = np.zeros(len(mesh)), NO_CUTS
+                if shares is None or len(self.static):
+                    cuts = buffer.fractions(each, visible)
+                if shares is not None:
+                    visible, cuts = shares[k].copy(), shown_cuts[k]
                 self._limit_range(own, visible)
                 seen[-1].append(SeenFacets(visible, cuts))
-                if len(self.static) and number == 0:
+                if len(self.static) and number == central:
                     shadows[k] = buffer.shadows()
-        views = zip(*seen, strict=True)
+        from_places = zip(*seen, strict=True)
         return [
-            Sample(each, mesh.normals(each), own, shadow)
-            for each, own, shadow in zip(points, views, shadows, strict=True)
+            Sample(each, mesh.normals(each), own, shadow, slabs)
+            for each, own, shadow, slabs in zip(points, from_places, shadows, crossed, strict=True)
         ]
 
     def _limit_range(self, points: FloatArray, visible: FloatArray) -> None:
@@ -121,7 +158,7 @@ def choose_facets(
     for each in {0: samples[0], len(samples) // 2: samples[len(samples) // 2], len(samples) - 1: samples[-1]}.values():
         bound_returns(
             each.points, mesh.meshes.corners, mesh.faces, mesh.group, each.normals, mesh.face_of, chosen,
-            each.visible[chosen], gain, wavenumber, bounds,
+            each.visible[chosen], gain, wavenumber, np.zeros(3), np.zeros(3), bounds,
         )  # fmt: skip
     return chosen[significant(bounds, group[mesh.facet_surface[chosen]], len(group), omitted)]
 
@@ -140,7 +177,13 @@ class GainNodes:
     places: FloatArray
     """(place, 3) places [m] of the array relative to the viewpoint from which facets are looked at."""
     place: IntArray
-    """(node,) place of each node."""
+    """(node, 2) places from which each node's facets have to be visible, those of Tx and Rx."""
+
+    @staticmethod
+    def of_one_place(table: FloatArray, media: FloatArray, fields: FloatArray, bistatic: bool) -> GainNodes:
+        """Nodes that share the view from the phase centre."""
+        place: IntArray = np.zeros((len(table), 2), np.int32)
+        return GainNodes(np.ascontiguousarray(table), media, fields, bistatic, np.zeros((1, 3)), place)
 
 
 def integrate(
@@ -152,18 +195,25 @@ def integrate(
     sagitta: float,
     turn: float,
     gradient: FloatArray,
+    visible: FloatArray | None = None,
+    legs: LegTables | None = None,
 ) -> tuple[ComplexArray, FloatArray]:
-    """(node, chosen) gains with the shadow weight, and (chosen, 3) centroids [m] relative to the viewpoint; the
-    arguments are those of :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`."""
+    """(node, chosen) gains with the shadow weight `visible` (chosen,), that of the sample by default, and (chosen, 3)
+    centroids [m] relative to the viewpoint; the arguments are those of
+    :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`."""
     gains = np.empty((len(nodes.table), len(chosen)), np.complex128)
     centroids = np.empty((len(chosen), 3))
-    for number, (visible, cuts) in enumerate(sample.seen):
-        own = np.flatnonzero(nodes.place == number)
+    for one, other in np.unique(nodes.place, axis=0).tolist():
+        own = np.flatnonzero((nodes.place == (one, other)).all(axis=1))
+        share, cut_of, cuts = sample.seen_from(one, other, chosen)
+        if visible is not None:
+            share, cut_of, cuts = visible, NO_CUTS.of(chosen), NO_CUTS
         found = gains if len(own) == len(gains) else np.empty((len(own), len(chosen)), np.complex128)
         patch_gains(
-            sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, visible[chosen],
-            cuts.of(chosen), cuts.pieces, cuts.triangles, material, mesh.single, nodes.table[own], nodes.fields,
-            nodes.media[own], nodes.bistatic, sagitta, turn, gradient, found, centroids,
+            sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, share,
+            cut_of, cuts.pieces, cuts.triangles, material, mesh.single, nodes.table[own], nodes.fields,
+            nodes.media[own], nodes.bistatic, sagitta, turn, gradient, (legs or LegTables.direct()).at(own), found,
+            centroids,
         )  # fmt: skip
         if found is not gains:
             gains[own] = found

@@ -85,7 +85,7 @@ class ShadowEdges:
         """Straight pieces of the boundaries of visible `pieces` (piece, 3, 3) on flat facets `owner` (piece,).
 
         `occluder` (piece, 4) is :attr:`SampledVisibility.occluder`, or (piece, 16) that of
-        :class:`rfgen_sionna.tracing.moving.slab_transmission.SlabTransmission`. At `wavenumber` [rad/m] the phase is
+        :class:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges`. At `wavenumber` [rad/m] the phase is
         linear on each piece.
         """
         edged = np.flatnonzero(occluder[:, 0] < 1.0)  # not NaN
@@ -241,13 +241,6 @@ class BoundaryCorrection(NamedTuple):
     def split(self, facets: int, times: int) -> list[BoundaryCorrection]:
         """Corrections of each of `times` equal runs of `facets`."""
         return [self.within(np.arange(first, first + facets)) for first in range(0, facets * times, facets)]
-
-    def of_first(self, facets: int) -> ComplexArray:
-        """(facet,) correction of the first pair at the centre frequency."""
-        gains = self.gains[0, 0, 0]
-        return np.asarray(
-            np.bincount(self.owner, gains.real, facets) + 1j * np.bincount(self.owner, gains.imag, facets), complex
-        )
 
     def add_to(self, gains: ComplexArray) -> None:
         """Add to `gains` (order, tx, rx, facet)."""

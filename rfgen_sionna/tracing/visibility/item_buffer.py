@@ -15,17 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.tracing.visibility.facet_cuts import count_hidden, count_items, cut_facets, set_fractions
 from rfgen_sionna.tracing.visibility.rasterise import (
+    EVERYWHERE,
+    NO_PLANES,
     bounding_box,
-    count_hidden,
-    count_items,
-    cut_facets,
     draw,
     mean_area,
     project,
     see_points,
     see_small,
-    set_fractions,
     widen_window,
 )
 
@@ -77,23 +76,26 @@ class Resolution:
     """Least number of pixels along the longer side of a surface."""
 
 
-def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resolution) -> list[ItemView]:
+def choose_views(
+    points: Sequence[FloatArray], meshes: Meshes, resolution: Resolution, max_range: float = np.inf
+) -> list[ItemView]:
     """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the
-    smallest surface of a view has this `resolution`."""
+    smallest surface of a view has this `resolution`. Surfaces beyond `max_range` [m] have none."""
     vertex_range = meshes.vertex_range
     count = len(vertex_range)
     used = [k for k in range(count) if vertex_range[k, 1] > vertex_range[k, 0]]
-    if not used:
-        return []
     boxes = np.tile(np.array([[np.inf], [-np.inf]]), (count, 1, 3))
     for k in used:
         for each in points:
             bounding_box(each[slice(*vertex_range[k])], boxes[k])
-    axes = _axes(boxes[used].mean(axis=(0, 1)))
+    used = [k for k in used if np.linalg.norm(np.maximum(np.maximum(boxes[k, 0], -boxes[k, 1]), 0.0)) < max_range]
+    if not used:
+        return []
+    axes = look_at(boxes[used].mean(axis=(0, 1)))
     windows = {k: _window([each[slice(*vertex_range[k])] for each in points], axes) for k in used}
     if any(each is None for each in windows.values()):
         return _cube(tuple(used), 4 * resolution.outline)
-    scales = {k: _scale(points[0], meshes, k, window, axes, resolution) for k, window in windows.items() if window}
+    scales = {k: view_scale(points[0], meshes, k, window, axes, resolution) for k, window in windows.items() if window}
     outlines = {k: each for k, each in windows.items() if each is not None}
     views = []
     for cluster in _clusters(outlines):
@@ -109,7 +111,7 @@ def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resol
     return views
 
 
-def _scale(
+def view_scale(
     points: FloatArray,
     meshes: Meshes,
     k: int,
@@ -124,7 +126,7 @@ def _scale(
     return float(max(resolution.outline / extent, by_facets))
 
 
-def _axes(forward: FloatArray) -> FloatArray:
+def look_at(forward: FloatArray) -> FloatArray:
     """(3, 3) forward, left and up for a direction `forward` (3,)."""
     size = float(np.linalg.norm(forward))
     x = forward / size if size > 1e-9 else np.array([1.0, 0.0, 0.0])
@@ -163,7 +165,7 @@ def _cube(surfaces: tuple[int, ...], size: int) -> list[ItemView]:
     """Six sides around the viewpoint, `size` pixels wide."""
     sides = [np.array([s if k == axis else 0.0 for k in range(3)]) for axis in range(3) for s in (1.0, -1.0)]
     size = min(size, int(np.sqrt(MAX_PIXELS)))
-    return [ItemView(_axes(each), np.array([-1.0, -1.0]), size / 2.0, (size, size), surfaces) for each in sides]
+    return [ItemView(look_at(each), np.array([-1.0, -1.0]), size / 2.0, (size, size), surfaces) for each in sides]
 
 
 class Cuts(NamedTuple):
@@ -197,8 +199,8 @@ class Shadows(NamedTuple):
     """Hidden pieces of those that are occluded in part."""
 
 
-NO_SHADOWS = Shadows(np.zeros(0, np.intp), np.zeros(0), Cuts(np.zeros(0, np.intp), np.zeros((0, 2, 3, 3)),
-                                                             np.zeros(0, np.int32)))  # fmt: skip
+NO_CUTS = Cuts(np.zeros(0, np.intp), np.zeros((0, 2, 3, 3)), np.zeros(0, np.int32))
+NO_SHADOWS = Shadows(np.zeros(0, np.intp), np.zeros(0), NO_CUTS)
 
 
 class ItemBuffer:
@@ -224,10 +226,10 @@ class ItemBuffer:
         left, up, inverse = np.empty((3, len(points)))
         for view in self.views:
             nearest, items = np.zeros(view.shape, np.float32), np.full(view.shape, -1, np.int32)
-            drawn, seen = np.zeros(len(static), np.int32), np.zeros((len(static), 3))
+            drawn, seen = np.zeros(len(static), np.int32), np.zeros((len(static), 6))
             project(points, view.axes, left, up, inverse)
             draw(points, left, up, inverse, view.axes, corners, np.zeros(len(static), np.bool_), 0, view.origin,
-                 view.scale, nearest, items, drawn)  # fmt: skip
+                 view.scale, nearest, items, drawn, False, NO_PLANES, EVERYWHERE)  # fmt: skip
             count_items(items, 0, seen)
             x, y = left.reshape(-1, 3), up.reshape(-1, 3)
             area = np.abs((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0]))
@@ -244,46 +246,45 @@ class ItemBuffer:
         viewpoint; 0 for those that face away. Returns the visible pieces of facets that are visible in part."""
         meshes = self.meshes
         count = len(meshes.corners)
-        pixels, total, cuts = np.zeros(count, np.int32), np.zeros((count, 3)), []
+        pixels, total, cuts = np.zeros(count, np.int32), np.zeros((count, 6)), []
         found[:] = 0.0
         for number, view in enumerate(self.views):
             nearest, items = self._cleared(number)
-            drawn, seen = np.zeros(count, np.int32), np.zeros((count, 3))
+            drawn, seen = np.zeros(count, np.int32), np.zeros((count, 6))
             for k in view.surfaces:
                 vertices, facets = slice(*meshes.vertex_range[k]), slice(*meshes.facet_range[k])
                 project(points[vertices], view.axes, self._left[vertices], self._up[vertices], self._inverse[vertices])
                 draw(
                     points, self._left, self._up, self._inverse, view.axes, meshes.corners[facets],
                     meshes.single[facets], self._first + int(meshes.facet_range[k, 0]), view.origin, view.scale,
-                    nearest, items, drawn[facets],
+                    nearest, items, drawn[facets], False, NO_PLANES, EVERYWHERE,
                 )  # fmt: skip
             count_items(items, self._first, seen)
             for k in view.surfaces:
                 facets = slice(*meshes.facet_range[k])
                 # Facets too small for pixels of their own are visible where their centroids are.
                 see_small(points, view.axes, view.origin, view.scale, nearest, items, meshes.corners[facets],
-                drawn[facets],
-                          found[facets])  # fmt: skip
+                          drawn[facets], found[facets])  # fmt: skip
             partial = np.flatnonzero((seen[:, 0] > 0) & (seen[:, 0] < drawn))
             shares = seen[partial, 0] / drawn[partial]
-            cuts.append(self._cut(view, (self._left, self._up, self._inverse), meshes.corners, partial, shares, seen))
+            cuts.append(cut_in_view(view, (self._left, self._up, self._inverse), meshes.corners, partial, shares, seen))
             pixels = np.where(pixels < 0, drawn, pixels + drawn)
             total += seen
         set_fractions(pixels, total, found)
-        return _whole_views(cuts, total)
+        return whole_views(cuts, total)
 
     def shadows(self) -> Shadows:
         """Facets at rest, and their parts, that the surfaces of the last :meth:`fractions` occlude."""
-        total, cuts = np.zeros((self._first, 3)), []
+        total, cuts = np.zeros((self._first, 6)), []
         corners = np.arange(3 * self._first, dtype=np.int32).reshape(-1, 3)
         for (_, before), (_, items), view, projected in zip(
             self._static, self._buffers, self.views, self._projected, strict=True
         ):
-            hidden = np.zeros((self._first, 3))
+            hidden = np.zeros((self._first, 6))
             count_hidden(before, items, self._first, hidden)
             partial = np.flatnonzero((hidden[:, 0] > 0) & (hidden[:, 0] < self._pixels))
             shares = hidden[partial, 0] / self._pixels[partial]
-            cuts.append(self._cut(view, projected, corners, partial, shares, hidden))
+            cuts.append(cut_in_view(view, projected, corners, partial, shares, hidden))
             total += hidden
         left = 1.0 - np.minimum(total[:, 0] / np.maximum(self._pixels, 1.0), 1.0)
         some = np.flatnonzero(self._small)
@@ -295,21 +296,7 @@ class ItemBuffer:
                 visible &= here
             left[some[~visible]] = 0.0
         occluded = np.flatnonzero(left < 1.0)
-        return Shadows(occluded, left[occluded], _whole_views(cuts, total))
-
-    def _cut(
-        self,
-        view: ItemView,
-        projected: tuple[FloatArray, FloatArray, FloatArray],
-        corners: IntArray,
-        partial: NDArray[np.intp],
-        shares: FloatArray,
-        seen: FloatArray,
-    ) -> tuple[Cuts, FloatArray]:
-        """Pieces of the `partial` facets with these `shares`, and (partial,) their pixels in this view."""
-        pieces, count = np.zeros((len(partial), 2, 3, 3)), np.zeros(len(partial), np.int32)
-        cut_facets(*projected, corners, partial, view.origin, view.scale, shares, seen, pieces, count)
-        return Cuts(partial, pieces, count), seen[partial, 0]
+        return Shadows(occluded, left[occluded], whole_views(cuts, total))
 
     def _cleared(self, number: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         nearest, items = self._buffers[number]
@@ -322,8 +309,24 @@ class ItemBuffer:
         return nearest, items
 
 
-def _whole_views(parts: Sequence[tuple[Cuts, FloatArray]], total: FloatArray) -> Cuts:
-    """Cuts of all views, without facets that several views show; `total` (facet, 3) are their pixels in all of them."""
+def cut_in_view(
+    view: ItemView,
+    projected: tuple[FloatArray, FloatArray, FloatArray],
+    corners: IntArray,
+    partial: NDArray[np.intp],
+    shares: FloatArray,
+    seen: FloatArray,
+) -> tuple[Cuts, FloatArray]:
+    """Pieces of the `partial` facets with these `shares`, and (partial,) their pixels in a `view` of `projected` points
+    (:func:`rfgen_sionna.tracing.visibility.rasterise.project`); `seen` (facet, 6) is that of
+    :func:`rfgen_sionna.tracing.visibility.facet_cuts.count_items`."""
+    pieces, count = np.zeros((len(partial), 2, 3, 3)), np.zeros(len(partial), np.int32)
+    cut_facets(*projected, corners, partial, view.origin, view.scale, shares, seen, pieces, count)
+    return Cuts(partial, pieces, count), seen[partial, 0]
+
+
+def whole_views(parts: Sequence[tuple[Cuts, FloatArray]], total: FloatArray) -> Cuts:
+    """Cuts of all views, without facets that several views show; `total` (facet, 6) are their pixels in all of them."""
     facet = np.concatenate([np.zeros(0, np.intp), *(cuts.facet for cuts, _ in parts)])
     pieces = np.concatenate([np.zeros((0, 2, 3, 3)), *(cuts.pieces for cuts, _ in parts)])
     count = np.concatenate([np.zeros(0, np.int32), *(cuts.triangles for cuts, _ in parts)])
