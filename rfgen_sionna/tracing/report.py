@@ -38,28 +38,17 @@ class TraceReport(ShortRepr):
     Reference: the actor's own return, at the time of best visibility where another object occludes it; of the static
     scene the return of its strongest surface or the incoherent sum of all, whichever is larger.
 
-    Sum of the errors of integration (:mod:`rfgen_sionna.tracing.gains.error_estimate`), of shadow boundaries
-    (:mod:`rfgen_sionna.tracing.shadows.adaptive_sampling`) and of their correction per element pair
-    (:mod:`rfgen_sionna.tracing.shadows.boundary_edges`). `rtol` bounds each of the first two. Indirect paths add
-    omitted returns and the error of geometrical optics: edges of planar reflectors
-    (:mod:`rfgen_sionna.tracing.reflectors.edge_diffraction`; not of ghosts in walls) and specular double bounces
-    (:mod:`rfgen_sionna.tracing.curved.stationary_phase_error`), which no smaller `rtol` reduces.
+    Measured against finer settings for direct returns of actors (:mod:`rfgen_sionna.tracing.direct.run_plan`). Specular
+    double bounces add omitted returns and the error of geometrical optics
+    (:mod:`rfgen_sionna.tracing.curved.stationary_phase_error`), which no smaller `rtol` reduces. Routes have the
+    settings of direct returns; the diffraction at the outlines of mirrors is not part of it.
     """
     time_error: float
     """Estimated error between the sample times and between the knots: the larger of that of actors and that of the
     static scene.
 
-    Root of the sum of squares of three errors of an actor's direct return, relative to that return:
-
-    - moving shadows (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`), at most `TIME_ERROR_PER_RTOL` times
-      `rtol` unless the limit of refinement is reached;
-    - gains of turning faces (:mod:`rfgen_sionna.tracing.moving.sample_times`), at most `GAIN_PER_RTOL` times `rtol`, or
-      a warning;
-    - phases and antenna gain between knots (:mod:`rfgen_sionna.tracing.moving.knots`), at most twice `PHASE_PER_RTOL`
-      times `rtol`, or a warning.
-
-    That of the static scene: moving shadows (:mod:`rfgen_sionna.tracing.static.static_refinement`), relative to the
-    reference of its `error`. Other indirect paths of actors are not included.
+    Error of curves through the knots of all paths of an actor, relative to its return, by leaving one knot out
+    (:mod:`rfgen_sionna.tracing.direct.time_error`).
     """
 
     surface: float = 0.0
@@ -81,8 +70,7 @@ class Traced(ShortRepr):
     moving: RadarPaths
     """Paths of the actors, except those in `refined`."""
     refined: RadarPaths | None
-    """Direct returns of facets under temporal refinement, at more knots
-    (:mod:`rfgen_sionna.tracing.moving.temporal_refinement`); None without any."""
+    """Direct returns of facets at more knots; None without any."""
     report: TraceReport
     places: Callable[[float], FloatArray]
     """Time [s] to the (path, 3) facet centres [m] of the first paths of `moving`, the direct returns; valid until the

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.direct.planner import plan_run
-from rfgen_sionna.tracing.direct.trace_plan import RunScene, TracePlan
-from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
+from rfgen_sionna.tracing.direct.run_scene import RunScene
+from rfgen_sionna.tracing.direct.trace_plan import TracePlan
+from rfgen_sionna.tracing.routes.route_trace import RouteTracer
 
 
 class TraceRun:
     """A run of :meth:`Tracer.follow`."""
 
-    def __init__(self, indirect: MovingTracer | None, cull: bool, span: tuple[float, float] | None) -> None:
-        self.indirect = indirect
-        """Tracer of indirect paths, with direct ones; None traces direct ones alone."""
-        self.cull = cull
-        """Whether negligible facets are omitted."""
-        self._span = span
+    def __init__(self, cull: bool, span: tuple[float, float] | None) -> None:
+        self._cull, self._span = cull, span
+        self.routes: RouteTracer | None = None
+        """Tracer of routes by mirrors; None until the first interval or without any."""
+        self.curved: CurvedReflections | None = None
+        """Tracer of specular double bounces; likewise."""
         self._plans: dict[float, TracePlan] = {}
 
     def plan(self, scene: RunScene, start: float, stop: float) -> TracePlan:
@@ -24,7 +26,7 @@ class TraceRun:
         known = self._plans.get(length)
         if self._span is not None and start >= self._span[0] - 1e-9 and stop <= self._span[1] + 1e-9:
             if known is None:
-                known = self._plans[length] = plan_run(scene, *self._span, length, self.cull)
+                known = self._plans[length] = plan_run(scene, *self._span, length, self._cull)
         elif known is None or not known.holds(start):
-            known = self._plans[length] = plan_run(scene, start, stop, length, self.cull)
+            known = self._plans[length] = plan_run(scene, start, stop, length, self._cull)
         return known

@@ -10,45 +10,31 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rfgen_sionna._types import FloatArray
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray
 from rfgen_sionna.parallel import one_blas_thread
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import RadarPaths
-from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tolerance import SIMULATOR_RTOL
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
-from rfgen_sionna.tracing.direct.direct_trace import trace_direct
-from rfgen_sionna.tracing.direct.trace_plan import RunScene
+from rfgen_sionna.tracing.direct.direct_trace import DirectTrace, trace_direct
+from rfgen_sionna.tracing.direct.knot_count import count_knots
+from rfgen_sionna.tracing.direct.run_scene import RunScene
+from rfgen_sionna.tracing.direct.trace_plan import TracePlan
 from rfgen_sionna.tracing.gains.band import BandTracer
-from rfgen_sionna.tracing.ghosts.ghosts import Ghosts
-from rfgen_sionna.tracing.ghosts.mirror_images import Mirror
-from rfgen_sionna.tracing.ghosts.mirrors import find_mirrors
 from rfgen_sionna.tracing.integral.slabs import warn_of_late_reflections
-from rfgen_sionna.tracing.joint_trace import JointScene, trace_jointly
-from rfgen_sionna.tracing.moving.fast_turns import choose_limited_sample_times
-from rfgen_sionna.tracing.moving.indirect_paths import IndirectPaths
-from rfgen_sionna.tracing.moving.knots import Knots, choose_knots
-from rfgen_sionna.tracing.moving.moving_trace import MovingTracer
-from rfgen_sionna.tracing.reflectors.planar_reflections import PlanarReflections
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
+from rfgen_sionna.tracing.routes.route_trace import RouteTracer
+from rfgen_sionna.tracing.routes.slab_scene import SlabScene
+from rfgen_sionna.tracing.static.actor_shadows import IndirectShadows, Shadow
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
-from rfgen_sionna.tracing.static.static_reflections import StaticReflections, trace_static_reflections
+from rfgen_sionna.tracing.static.static_routes import StaticRoutes, trace_static_routes
 from rfgen_sionna.tracing.static.static_shadows import StaticShadows
 from rfgen_sionna.tracing.static.static_trace import StaticTrace, trace_static
-from rfgen_sionna.tracing.static.static_transmission import (
-    StaticTransmission,
-    find_static_transmission,
-    static_slab_transmission,
-    trace_static_slab_reflections,
-    trace_static_transmission,
-)
 from rfgen_sionna.tracing.surface.facets import RATE_STEP
-from rfgen_sionna.tracing.surface.surfaces import collect_surfaces
+from rfgen_sionna.tracing.surface.surfaces import Surface, Surfaces, collect_surfaces
 from rfgen_sionna.tracing.trace_run import TraceRun
-from rfgen_sionna.tracing.transmission.slab_footprints import SlabLegs
-from rfgen_sionna.tracing.transmission.transmission import Transmission
 
 if TYPE_CHECKING:
     from rfgen_sionna.scene import MeshActor, RadarScene
@@ -56,19 +42,10 @@ if TYPE_CHECKING:
 PHASE_PER_RTOL = 0.5
 """Allowed phase error between knots [rad, root mean square over the vertices] and relative error of the antenna gain,
 per unit of `rtol`: 0.1° at any time for 1e-3."""
-GAIN_PER_RTOL = 3.0
-"""Allowed relative error of gains between sample times [root mean square over time] per unit of `rtol`; part of the
-stated `time_error`."""
-VISIBILITY_SPACING = 10e-3
-"""Largest gap [s] between four or more sample times of gains and visibility; knots of delays may be closer."""
-LEAST_RTOL = 0.02
-"""Tolerance below which direct returns alone are traced by element pair as well, as cuts of shadows are coarser."""
-_FEW_KNOTS, _MISSED, _WRONG = 48, 3.0, 0.3
-"""Number of knots, time error per `rtol`, and time error above which a motion, such as a rotor's, is traced by element
-pair."""
-_MORE, _AGAIN = 1.1, 3
-"""Growth of the cancellation above which an interval is traced anew with more sample times, and the largest number of
-traces."""
+OMITTED_SHARE = 0.5
+"""Share of the tolerance below which the amplitude that slabs leave counts as 0."""
+VISIBILITY_SPACING, FEWEST_KNOTS = 10e-3, 4
+"""Largest gap [s] between knots of given positions, and their least number."""
 
 
 class Tracer:
@@ -76,13 +53,11 @@ class Tracer:
 
     The static scene is tessellated, tested for visibility and integrated once. Each interval of time traces the actors
     and their shadows on the static scene. Surfaces reflect with Fresnel coefficients, as half-spaces or slabs; rough
-    ones reflect diffusely as well. Indirect paths are coherent: ghosts in walls and floors
-    (:mod:`rfgen_sionna.tracing.ghosts.ghosts`), planar reflectors
-    (:mod:`rfgen_sionna.tracing.reflectors.planar_reflections`, :mod:`rfgen_sionna.tracing.static.static_reflections`)
-    and specular double bounces between curved surfaces (:mod:`rfgen_sionna.tracing.curved.curved_reflections`).
+    ones reflect diffusely as well. Indirect paths are coherent: routes by planar reflectors and through slabs
+    (:mod:`rfgen_sionna.tracing.routes`) and specular double bounces between curved surfaces
+    (:mod:`rfgen_sionna.tracing.curved.curved_reflections`).
 
-    Not traced: paths by two curved surfaces and a third surface or a slab; paths of actors by two different walls in
-    succession if the radar moves or slabs are in between.
+    Not traced: paths by two curved surfaces and a third surface or a slab.
 
     Parameters
     ----------
@@ -102,12 +77,10 @@ class Tracer:
         Seed of the phases of diffuse returns.
     max_bounces
         Largest number of surfaces on a path: 1 direct returns only; 2 adds one planar reflector on the way out or back,
-        and two curved surfaces; 3 adds planar reflectors on both ways. Returns below the tolerance, by an upper bound,
-        are omitted.
+        and two curved surfaces; 3 adds planar reflectors on both ways, and two in a row on one. Returns below the
+        tolerance, by an upper bound, are omitted.
     transmission
-        Whether slabs (surfaces of a material with a thickness) transmit: on direct paths, on every leg to actors, and
-        between static surfaces by way of planar reflectors (:mod:`rfgen_sionna.tracing.transmission.transmission`,
-        :mod:`rfgen_sionna.tracing.static.static_transmission`).
+        Whether slabs, surfaces of a material with a thickness, transmit on all legs.
     """
 
     def __init__(
@@ -140,49 +113,48 @@ class Tracer:
     @cached_property
     def static(self) -> StaticTrace:
         """Static scene, traced at first use."""
-        slabs = self._static_transmission
-        slab_edges = None if slabs is None else static_slab_transmission(self.surfaces, slabs, self._band)
         given = self.surfaces, self._static_rays, self._band, self._viewpoint, self.rtol, self.radar.max_range
-        return trace_static(*given, slab_edges)
+        return trace_static(*given)
 
     @cached_property
-    def _static_transmission(self) -> Transmission | None:
-        """Transmission between static surfaces; None without slabs."""
-        if not self.transmission or not self.surfaces.static:
-            return None
-        return find_static_transmission(self.surfaces, self.radar, self.rtol)
-
-    @cached_property
-    def static_indirect(self) -> tuple[StaticReflections | StaticCurvedReflections | StaticTransmission, ...]:
+    def static_indirect(self) -> tuple[StaticRoutes | StaticCurvedReflections, ...]:
         """Indirect paths between static surfaces and through them, traced at first use."""
-        found: list[StaticReflections | StaticCurvedReflections | StaticTransmission | None] = []
+        found: list[StaticRoutes | StaticCurvedReflections | None] = []
+        surfaces = self.surfaces
         if self._static_rays is not None:
-            scene = self.surfaces, self._static_rays, self.radar
-            slabs = self._static_transmission
-            straight = None if slabs is None else trace_static_transmission(*scene[:2], slabs, self.static)
-            found.append(straight)
+            if self.max_bounces > 1 or self.transmission:
+                # The same surfaces, as those that a run follows.
+                alone = replace(surfaces, static=(), static_vertices=(), moving=surfaces.static)
+                slabs, followed = self._slabs(alone)
+                if self.max_bounces > 1 or slabs is not None:
+                    vertices = list(surfaces.static_vertices)
+                    known = self._band, self.radar.max_range, self.rtol, lambda _: vertices, np.zeros((0, 3, 3)), slabs
+                    scene = RunScene(followed, *known)
+                    found.append(trace_static_routes(scene, surfaces, self.static.level, self.max_bounces))
             if self.max_bounces > 1:
-                found.append(trace_static_reflections(*scene, self._band, self.static, self.rtol, self.max_bounces))
-                found.append(trace_static_curved(*scene, self.static, self.rtol))
-            if self.max_bounces > 1 and self.transmission:
-                through = None if straight is None else straight.paths
-                found.append(
-                    trace_static_slab_reflections(*scene, self._band, self.static, through, self.rtol, self.max_bounces)
-                )
+                found.append(trace_static_curved(surfaces, self._static_rays, self.radar, self.static, self.rtol))
         return tuple(each for each in found if each is not None)
+
+    def _slabs(self, surfaces: Surfaces) -> tuple[SlabScene | None, tuple[Surface, ...]]:
+        """Slabs among the `surfaces`, None without any, and the moving ones, whose slabs count as open: their insides
+        return as well."""
+        if not self.transmission:
+            return None, surfaces.moving
+        at_rest = [points - self._viewpoint for points in surfaces.static_vertices]
+        # With mirrors a slab may be on one leg alone.
+        least = (OMITTED_SHARE * self.rtol) ** (1.0 if self.max_bounces > 1 else 0.5)
+        band = self._band.centre, self._band.half_band
+        found = SlabScene.of(surfaces.static, surfaces.moving, at_rest, *band, least)
+        if not found.occluders.any_slabs:
+            return None, surfaces.moving
+        pairs = zip(surfaces.moving, found.occluders.transmits, strict=True)
+        return found, tuple(replace(each, closed=each.closed and not slab) for each, slab in pairs)
 
     @cached_property
     def _static_paths(self) -> RadarPaths:
         """All paths of the static scene without actors."""
         more = [each.paths for each in self.static_indirect]
         return RadarPaths.concatenate([self.static.paths, *more]) if more else self.static.paths
-
-    @cached_property
-    def mirrors(self) -> tuple[Mirror, ...]:
-        """Planar surfaces of the static scene in view, wider than the Fresnel zone: candidates for ghosts."""
-        surfaces, visible = self.surfaces, self.static.unoccluded
-        radar, points = self.radar, surfaces.static_vertices
-        return find_mirrors(surfaces.static, points, visible, self._viewpoint, radar.wavelength, radar.max_range)
 
     @cached_property
     def _static_rays(self) -> RayScene | None:
@@ -216,39 +188,20 @@ class Tracer:
         span
             First and last time [s] of the run, which is planned for these; None plans each interval by itself.
         """
-        indirect = self.max_bounces > 1 or self.transmission or self.rtol < LEAST_RTOL
-        return TraceRun(self._follow(cull) if indirect else None, cull, span)
+        return TraceRun(cull, span)
 
-    def _follow(self, cull: bool) -> MovingTracer:
-        """Tracer of the actors with indirect paths."""
-        ghosts, reflections, curved = None, list[PlanarReflections](), None
-        if self.max_bounces > 1 and self.surfaces.moving:
-            if self.surfaces.static:
-                ghosts = Ghosts(self.surfaces, self.radar, self.rtol, self.max_bounces, lambda: self.mirrors)
-            walls = (lambda: self.mirrors) if self.surfaces.static else tuple
-            planar = PlanarReflections(self.surfaces, self.radar, self.rtol, self.max_bounces, walls)
-            reflections.append(planar)
-            if any(surface.smooth is not None for surface in self.surfaces.moving):
-                curved = CurvedReflections(
-                    self.surfaces, self.radar, self.rtol, lambda: planar.owner, lambda: self.static.unoccluded
-                )
-        transmission: Transmission | None = None
-        if self.transmission and self.surfaces.moving:
-            found = Transmission(self.surfaces, self.surfaces.moving, self.radar, self.rtol)
-            transmission = found if found.any_transmission() else None
-            if self.max_bounces > 1 and found.any_transmission(one_way=True):
-                common = self.surfaces, self.radar, self.rtol, self.max_bounces
-                reflections.append(PlanarReflections(*common, legs=SlabLegs(found)))
-        given = self.surfaces, self._band, self._viewpoint, self.radar.max_range, self.rtol
-        indirect = IndirectPaths(self.surfaces, self._band, ghosts, reflections, curved, transmission)
-        return MovingTracer(*given, indirect, cull)
-
-    def knots(self, positions: Callable[[float], Sequence[FloatArray]], start: float, stop: float) -> Knots:
-        """Knots from `start` to `stop` [s] for the delays of meshes with `positions`, time [s] to (vertex, 3) [m] of
-        each."""
-        interval = start, stop, self._band.highest, PHASE_PER_RTOL * self.rtol, VISIBILITY_SPACING
-        reach = 0.5 * float(lengths(self.radar.virtual_positions).max())
-        return choose_knots(positions, self._viewpoint, *interval, self._band.pattern_gain, reach)
+    def knots(
+        self, positions: Callable[[float], Sequence[FloatArray]], start: float, stop: float
+    ) -> tuple[FloatArray, float]:
+        """(knot,) knots from `start` to `stop` [s] for the delays of meshes with `positions`, time [s] to (vertex, 3)
+        [m] of each, and the phase error between them [rad]."""
+        if stop <= start:
+            return np.array([start]), 0.0
+        (tx, rx), wavenumber = self._band.elements, 2 * np.pi * self._band.highest / SPEED_OF_LIGHT
+        first = max(FEWEST_KNOTS, 1 + int(np.ceil((stop - start) / VISIBILITY_SPACING)))
+        pairs = [(tx[0], rx[0]), (tx[-1], rx[-1])]
+        count, error = count_knots(positions, pairs, start, stop - start, wavenumber, PHASE_PER_RTOL * self.rtol, first)
+        return np.linspace(start, stop, count), error
 
     @one_blas_thread()
     def trace(
@@ -270,47 +223,14 @@ class Tracer:
             Called with each sample time [s] and the ray scene of that time.
         """
         self._positions.clear()
-        run = run or self.follow()
-        if run.indirect is None:
-            return self._trace_direct(start, stop, run, watch)
-        moving = run.indirect
-        if not self.actors:
-            return self._traced(np.array([start]), np.array([start]), moving, 0.0, watch)
-        highest, faces = self._band.highest, [actor.faces for actor in self.actors]
-        gain = GAIN_PER_RTOL * self.rtol
-        delay_points = moving.prepare(self._vertices, (start, stop))
-        knots, time_error = self.knots(delay_points, start, stop)
-        closed = [surface.closed for surface in self.surfaces.moving]
-        given = self._vertices, faces, closed, self._viewpoint, knots, highest, gain, VISIBILITY_SPACING
-        # Shadows on static surfaces and watched scenes need three sample times or more.
-        pair = not self.surfaces.static and self.radar.trajectory is None and watch is None
-        for _ in range(_AGAIN):
-            known = moving.relative_cancellation
-            own = moving.limit_facets, moving.traces_back_faces, pair, known
-            sample_times, turned = choose_limited_sample_times(*given, *own)
-            finest = knots if len(knots) > len(sample_times) else sample_times
-            traced = self._traced(finest, sample_times, moving, float(np.hypot(turned, time_error)), watch)
-            # The cancellation of the return is known only after the trace.
-            more = float((moving.relative_cancellation / known).max())
-            if more * turned <= gain or more < _MORE or watch is not None or len(sample_times) == 1:
-                break
-        if more <= 1.0 or len(sample_times) == 1:
-            return traced
-        report = replace(traced.report, time_error=max(traced.report.time_error, more * turned))
-        return replace(traced, report=report)
+        return self._trace(start, stop, run or self.follow(), watch)
 
     @one_blas_thread()
     def instant(self, t: float, indirect: bool = False) -> RadarPaths:
         """All paths at `t` [s] with their rates, static ones first, then the actors'; one knot. `indirect` returns
         those by several surfaces or through slabs only."""
         self._positions.clear()
-        moving = self.follow().indirect
-        if moving is None:
-            traced = self._trace_direct(t, t, TraceRun(None, True, None), None)
-        else:
-            if self.actors:
-                moving.prepare(self._vertices, (t,))
-            traced = self._traced(np.array([t]), np.array([t]), moving)
+        traced = self._trace(t, t, self.follow(), None)
         (static, visible), actors = traced.shadowed_static(), traced.moving
         if indirect:
             visible[: self.static.paths.num_paths] = False
@@ -322,42 +242,79 @@ class Tracer:
         direction, arrival = (to_world(each, self.radar, t) for each in (paths.direction, paths.arrival))
         return replace(paths, direction=direction, arrival=arrival)
 
-    def _trace_direct(
+    def _trace(
         self, start: float, stop: float, run: TraceRun, watch: Callable[[float, RayScene], None] | None
     ) -> Traced:
-        """Trace of direct paths alone."""
+        """Trace of direct paths and those by mirrors."""
         static, names = self.static, (self.surfaces.object_names, self.surfaces.part_names)
         stop = stop if self.actors else start
         plan = run.plan(self._run_scene, start, stop)
-        if plan.knots > _FEW_KNOTS or plan.time_error > min(_MISSED * self.rtol, _WRONG):
-            run.indirect = self._follow(run.cull)
-            return self.trace(start, stop, run, watch)
-        traced = trace_direct(plan, start, stop, names)
+        if self.max_bounces > 1 and self.surfaces.moving and run.routes is None:
+            self._add_routes(run, start)
+        traced = trace_direct(plan, start, stop, names, run.routes)
         times = traced.paths.times
         if watch is not None and self.actors:
             for t in times.tolist():
                 watch(t, self.rays_at(t))
         shadows, missed = self._static_shadows(times, traced.shadows)
+        hidden = IndirectShadows.of(self.static_indirect, times, self.rays_at, self._vertices) if self.actors else None
+        paths, curved_error = traced.paths, 0.0
+        if run.curved is not None:
+            around, curved_error = self._trace_curved(run.curved, plan, traced)
+            paths = paths if around is None else RadarPaths.concatenate([paths, around])
         report = TraceReport(
             facets=len(static.facets) + traced.facets,
-            rays=static.rays,
+            rays=static.rays + sum(each.rays for each in self.static_indirect) + (0 if hidden is None else hidden.rays),
             sample_times=len(times),
             knots=len(times),
-            error=max(static.error, traced.error),
-            time_error=max(traced.time_error, missed),
+            error=max(static.error + sum(each.error for each in self.static_indirect), traced.error + curved_error),
+            time_error=max(traced.time_error, missed, 0.0 if hidden is None else hidden.error(static)),
             surface=traced.surface,
         )
 
         def none(_: float) -> FloatArray:
             return np.zeros((0, 3))
 
-        return Traced(self._static_paths, lambda: shadows, traced.paths, None, report, traced.centroids, none)
+        def find_shadows() -> tuple[Shadow, ...]:
+            return shadows if hidden is None else (*shadows, *hidden.shadows(static.paths.num_paths))
+
+        return Traced(self._static_paths, find_shadows, paths, None, report, traced.centroids, none)
+
+    def _add_routes(self, run: TraceRun, t: float) -> None:
+        """Give a `run` the tracers of indirect paths of the actors, whose planar parts are those of the time `t`
+        [s]."""
+        surfaces, radar = self.surfaces, self.radar
+        given = surfaces, self._vertices(t), self._viewpoint, radar.wavelength, self.max_bounces
+        run.routes = routes = RouteTracer(*given)
+        if any(surface.smooth is not None for surface in surfaces.moving):
+            run.curved = CurvedReflections(
+                surfaces, radar, self.rtol, lambda: routes.reflectors.owner, lambda: self.static.unoccluded
+            )
+
+    def _trace_curved(
+        self, curved: CurvedReflections, plan: TracePlan, traced: DirectTrace
+    ) -> tuple[RadarPaths | None, float]:
+        """Specular double bounces at the knots of a trace, and their error relative to the direct returns."""
+        mesh, times, visible = plan.mesh, traced.paths.times, []
+        first = np.array([each.first_facet for each in self.surfaces.moving])[mesh.facet_surface]
+        for t, sample in zip(times.tolist(), traced.samples, strict=True):
+            shown = np.unique((first + mesh.face_in_surface)[sample.visible > 0])
+            vertices = [*self.surfaces.static_vertices, *self._vertices(t)]
+            visible.append(curved.trace_visibility(self.rays_at(t), vertices, shown))
+        direct = traced.paths.select(np.flatnonzero(traced.paths.bounces == 1))
+        waves = direct.a[0, 0] * np.exp(-2j * np.pi * np.mod(direct.frequency * direct.tau[0, 0], 1.0))
+        waves = waves * self._band.pattern_gain(direct.direction)
+        level = np.zeros(len(self.surfaces.moving))
+        for number, surface in enumerate(self.surfaces.moving):
+            level[number] = np.sqrt(np.mean(np.abs(waves[direct.object_id == surface.object_id].sum(axis=0)) ** 2))
+        return curved.trace(times, times, visible, self._vertices, level)
 
     @cached_property
     def _run_scene(self) -> RunScene:
         """Actors, and the facets at rest that occlude them."""
+        slabs, surfaces = self._slabs(self.surfaces)
         known = self.radar.max_range, self.rtol, self._vertices, self._static_shadows.corners
-        return RunScene(self.surfaces.moving, self._band, *known)
+        return RunScene(surfaces, self._band, *known, slabs)
 
     @cached_property
     def _static_shadows(self) -> StaticShadows:
@@ -373,21 +330,6 @@ class Tracer:
         velocities = [(b - a) / (2 * RATE_STEP) for a, b in zip(before, after, strict=True)]
         static = list(self.surfaces.static_vertices)
         return rays, [*static, *moving], [*([None] * len(static)), *velocities]
-
-    def _traced(
-        self,
-        knots: FloatArray,
-        sample_times: FloatArray,
-        parts: MovingTracer,
-        turned: float = 0.0,
-        watch: Callable[[float, RayScene], None] | None = None,
-    ) -> Traced:
-        """Trace with delays at `knots` and gains at `sample_times` [s]; `turned` is the time error so far."""
-        scene = JointScene(
-            self.static, self.static_indirect, self._static_paths, self._vertices, self.rays_at, self._rays,
-            bool(self.actors), self.rtol,
-        )  # fmt: skip
-        return trace_jointly(scene, knots, sample_times, parts, turned, watch)
 
     def rays_at(self, t: float, keep: bool = True) -> RayScene:
         """Static and moving meshes at `t` [s], valid until the next call; `keep` caches the vertices for the current

@@ -6,7 +6,6 @@ import trimesh
 
 from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.moving import moving_visibility as sight
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.benchmarks.subjects import ball, radar_of
 from tests.physics.test_curved_reflections import PLACES, RADIUS, around, at, metal, true_radius
@@ -22,11 +21,10 @@ def radar():
 @pytest.mark.parametrize(
     ("frequency", "radius", "name"), [(24, 0.15, "side by side"), (24, 0.15, "above"), (77, 0.05, "above")]
 )
-def test_what_geometrical_optics_is_off_by_is_stated(frequency, radius, name, monkeypatch):
+def test_what_geometrical_optics_is_off_by_is_stated(frequency, radius, name):
     """The error that a trace states grows by what glints may be off by: no less than they are, against dense physical
     optics without what its rims add, and no more than six times as much. Of direct returns both leave out the same:
     nothing."""
-    monkeypatch.setattr(sight, "CULLED_PER_RTOL", 0.0)
     radar, middle = radar_of(frequency), np.mean(PLACES[name], axis=0)
     places = [middle + (np.array(each) - middle) * radius / RADIUS for each in PLACES[name]]
     actors = [metal(place, each, radius=radius) for place, each in zip(places, "ab", strict=True)]

@@ -293,9 +293,9 @@ def test_max_bounces_says_what_it_cannot_do(radar, ball):
     assert Simulator(None, radar, [ball], max_bounces=None).max_bounces == 3
 
 
-def test_what_mirrors_show_of_quiet_bodies_has_four_instants(radar):
-    """Three are for direct paths, whose shadows are looked at between instants."""
+def test_mirrors_do_not_change_the_knots_of_quiet_bodies(radar):
     slow = MeshActor.from_mesh(sphere(2), material="pec", position=(2, 0, 1), velocity=(0.1, 0, 0), name="ball")
     scene = side_wall("metal", thickness=0.012)
     tracers = [Tracer(scene, tabulated(radar), [slow], 1e-2, max_bounces=bounces) for bounces in (1, 2)]
-    assert [each.trace(0.0, 0.02).report.sample_times for each in tracers] == [3, 4]
+    one, two = (each.trace(0.0, 0.02).report.sample_times for each in tracers)
+    assert one == two

@@ -11,8 +11,6 @@ from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.ghosts.ghost_visibility import GhostVisibilitySampler
-from rfgen_sionna.tracing.shadows.mirror_visibility import FINE_LATTICE, visible_to_both
 from tests.physics.test_ghosts import (
     BALL,
     ISOTROPIC,
@@ -201,49 +199,6 @@ def test_over_time_they_follow_both_images(radar):
             np.testing.assert_allclose(SPEED_OF_LIGHT * paths.tau_rate[1, 2, :, knot], rate, rtol=0, atol=2e-3)
 
 
-def test_of_facets_in_half_shadow_counts_what_both_walls_show():
-    """The points that one shows and those that the other does, together: not the product of their shares."""
-    some = np.array([0b1111, 0b1111, 0xFFFF, 0], np.uint16)
-    other = np.array([0b0011, 0b110000, 0b1111, 0xFFFF], np.uint16)
-    np.testing.assert_allclose(visible_to_both(some, other), np.array([2, 0, 4, 0]) / len(FINE_LATTICE))
-
-
-def test_shares_by_both_are_no_more_than_by_each(radar, ball, monkeypatch):
-    """Of a ball with a rod in the light of one of the images."""
-    kept = []
-    plain = GhostVisibilitySampler.__call__
-
-    def watched(self, rays, facets, fraction, chosen, used, pairs):
-        every = np.ones_like(used)
-        found = plain(self, rays, facets, fraction, chosen, every, pairs)
-        kept.append((found, np.searchsorted(chosen, pairs)))
-        return found
-
-    monkeypatch.setattr(GhostVisibilitySampler, "__call__", watched)
-    board = MeshActor.from_mesh(
-        trimesh.creation.box((0.02, 0.02, 0.3)),
-        material="wood",
-        position=BALL + np.array([-0.15, 0.21, 0]),
-        name="board",
-    )
-    Simulator(corridor("pec", "pec"), radar, [ball, board], rtol=1e-2, max_bounces=None).paths()
-    found, pairs = kept[-1]
-    assert len(pairs)
-    least = np.minimum(found.twice[pairs[:, 0]], found.twice[pairs[:, 1]])
-    over = found.across - least
-    cut = np.zeros(over.shape, bool)
-    cut[found.cut[2].row, found.cut[2].column] = True
-    assert (over <= np.where(cut, 0.05, 1e-12)).all()  # each is looked at as closely as it matters
-    for parts, shares in zip(found.cut, (found.once, found.twice, found.across), strict=True):
-        one, other = (parts.pieces[:, corner, :2] - parts.pieces[:, 0, :2] for corner in (1, 2))
-        area = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
-        total = np.zeros(shares.shape)
-        np.add.at(total, (parts.row, parts.column), area)
-        mine = total > 0
-        assert np.abs(total - shares)[mine].max(initial=0.0) < 1e-6
-    assert ((found.across > 0) & (found.across < 1)).any()
-
-
 @pytest.mark.slow
 def test_round_furniture_has_those_of_an_actor(radar):
     """The same ball as part of the scene: to a tolerance that is relative to what the room returns."""
@@ -263,9 +218,9 @@ def test_what_the_radar_does_not_see_of_round_furniture_is_shown_by_a_wall(radar
     """A wall aslant behind a ball shows the radar its far side, there and back, 108 degrees from the near one: as of an
     actor, and as strong as a sphere that is seen from the image."""
     wall = [[3.2, -0.2, 0.6], [1.0, 2.0, 0.6], [1.0, 2.0, 1.4], [3.2, -0.2, 1.4]]
-    behind = load_scene(scene_of(77e9, wall=(wall, "pec", 0.1)).sionna)
+    behind, also = (load_scene(scene_of(77e9, wall=(wall, "pec", 0.1)).sionna) for _ in range(2))
     place = np.array([2.0, 0.0, 1.0])
-    scene = scene_with_mesh(sphere(4, 0.1).apply_translation(place), behind)
+    scene = scene_with_mesh(sphere(4, 0.1).apply_translation(place), also)
     actor = MeshActor.from_mesh(sphere(4, 0.1), material="pec", position=place, name="ball")
     found = [
         of(Simulator(scene, radar, [], rtol=1e-3, max_bounces=3).paths(), "thing"),

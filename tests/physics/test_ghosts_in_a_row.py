@@ -12,7 +12,6 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.records import PathKind, knot_weights
 from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.simulation import Simulator
-from rfgen_sionna.tracing.ghosts.ghost_levels import second_order_levels
 from tests.physics.test_ghosts import (
     ISOTROPIC,
     RADIUS,
@@ -242,23 +241,6 @@ def test_two_bounces_have_none(radar):
     ball = MeshActor.from_mesh(sphere(3), material="pec", position=FAR, name="ball")
     paths = of(Simulator(corridor("pec", "pec"), radar, [ball], rtol=1e-2, max_bounces=2).paths())
     assert not any(each.num_paths for each in in_a_row(paths, FAR).values())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("material", ["pec", "glass"])
-def test_their_level_is_estimated(radar, material):
-    """Within 2 dB of what a ball that returns alike to all sides does by way of both, relative to its direct return."""
-    scene, ball = corridor(material, "pec"), MeshActor.from_mesh(sphere(3), material="pec", position=FAR, name="ball")
-    simulator = Simulator(scene, radar, [ball], rtol=1e-2, max_bounces=3)
-    mirrors = simulator.tracer.mirrors
-    names = [each.name for each in mirrors]
-    levels = second_order_levels(radar, lambda towards: np.ones(len(towards)), mirrors, ball.vertices(0.0))
-    paths = of(simulator.paths())
-    direct = np.abs(channel(paths.select(paths.bounces == 1))[0, 0])
-    found = in_a_row(paths, FAR)
-    for first in WALLS:
-        level = levels[names.index(NAMES[first]), names.index(NAMES[-first])]
-        assert abs(decibels(2 * channel(found[first, True])[0, 0] / direct / level)) < 2
 
 
 @pytest.mark.slow

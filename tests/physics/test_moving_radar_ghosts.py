@@ -200,9 +200,8 @@ def scene_with_mesh(mesh, scene=None):
 
 
 @pytest.mark.slow
-def test_direct_returns_do_not_depend_on_how_many_bounces_there_are(monkeypatch):
+def test_direct_returns_do_not_depend_on_how_many_bounces_there_are():
     """To the bit, but for facets that are too faint, as walls may show them."""
-    monkeypatch.setattr("rfgen_sionna.tracing.moving.moving_visibility.CULLED_PER_RTOL", 0.0)
     radar, scene = moving(), room(floor=False)
     one, two = (Simulator(scene, radar, [ball(detail=3)], rtol=1e-2, max_bounces=n).paths(0.05) for n in (1, 2))
     assert set(one.bounces) == {1}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,8 @@ from rfgen_sionna.records import PathKind, RadarPaths, knot_weights
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.direct.samples import Sample, pair_delays
 from rfgen_sionna.tracing.direct.settings import MAX_KNOTS
-from rfgen_sionna.tracing.direct.time_error import prediction_error
-from rfgen_sionna.tracing.direct.trace_plan import SAFETY, TIME_PER_RTOL, TracePlan, first_delays
+from rfgen_sionna.tracing.direct.time_error import mean_level, prediction_error
+from rfgen_sionna.tracing.direct.trace_plan import SAFETY, TIME_PER_RTOL, TracePlan
 from rfgen_sionna.tracing.surface.facets import RATE_STEP, Facets
 from rfgen_sionna.tracing.visibility.item_buffer import Shadows
 
@@ -22,11 +23,39 @@ LEEWAY = 1.5
 """Growth of the time error over the allowed one above which an interval gets more knots."""
 
 
+class Returns(Protocol):
+    """Further returns of facets at the knots."""
+
+    @property
+    def gains(self) -> ComplexArray:
+        """(path, knot) of the first pair in the middle of the band, with antennas."""
+
+    @property
+    def delays(self) -> FloatArray:
+        """(tx, rx, path, knot) [s]"""
+
+    @property
+    def facets(self) -> NDArray[np.intp]:
+        """(path,)"""
+
+
+class Routes(Protocol):
+    """Traces further returns of facets at the same knots (:mod:`rfgen_sionna.tracing.routes.route_trace`)."""
+
+    def trace(self, plan: TracePlan, times: FloatArray, samples: Sequence[Sample], level: FloatArray) -> Sequence[Any]:
+        """Returns at `times` [s], from the `samples` at these and the `level` (group,) of direct ones."""
+
+    def paths(self, plan: TracePlan, times: FloatArray, samples: Sequence[Sample], returns: Any,
+              names: tuple[tuple[str, ...], tuple[str, ...]]) -> RadarPaths:  # fmt: skip
+        """Paths of some `returns`."""
+
+
 @dataclass(frozen=True)
 class DirectTrace:
-    """Direct paths of moving surfaces over an interval."""
+    """Paths of moving surfaces over an interval."""
 
     paths: RadarPaths
+    """Direct ones, then those of routes."""
     error: float
     """Measured relative error of the worst actor's return at the knots, of the run."""
     time_error: float
@@ -38,14 +67,20 @@ class DirectTrace:
     shadows: tuple[Shadows, ...]
     """Shadows on facets at rest at each knot of the paths."""
     centroids: Callable[[float], FloatArray]
-    """Time [s] to the (path, 3) facet centres [m]."""
+    """Time [s] to the (path, 3) facet centres [m] of direct paths."""
+    samples: tuple[Sample, ...] = field(repr=False)
+    """At each knot of the paths."""
 
 
 def trace_direct(
-    plan: TracePlan, start: float, stop: float, names: tuple[tuple[str, ...], tuple[str, ...]]
+    plan: TracePlan,
+    start: float,
+    stop: float,
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+    routes: Routes | None = None,
 ) -> DirectTrace:
     """Paths from `start` to `stop` [s], with as many knots as the motion demands; `names` are those of objects and
-    parts."""
+    parts, `routes` are further ones."""
     scene = plan.scene
     count = plan.knots if stop > start else 1
     known: dict[float, Sample] = {}
@@ -61,13 +96,19 @@ def trace_direct(
         found = [plan.values(each, chosen) for each in samples]
         values = np.stack([own for own, _ in found], axis=-1)  # (node, facet, knot)
         centroids = np.stack([each for _, each in found])
-        if len(times) < 3 or not len(chosen):
-            break
         group = scene.group[plan.mesh.facet_surface[chosen]]
         gains = plan.first_pair(values) * scene.pattern(centroids[len(times) // 2])[:, None]
-        missed, level = prediction_error(
-            gains, first_delays(scene.band, centroids), scene.band.centre, group, len(scene.group)
-        )
+        delays = plan.delays(samples, chosen, centroids, only_first=True)[0, 0]
+        more: Sequence[Any] = ()
+        if routes is not None:
+            level = mean_level(gains, delays, scene.band.centre, group, len(scene.group))
+            more = routes.trace(plan, times, samples, level)
+            group = np.concatenate([group, *(scene.group[plan.mesh.facet_surface[each.facets]] for each in more)])
+            gains = np.concatenate([gains, *(each.gains for each in more)])
+            delays = np.concatenate([delays, *(each.delays[0, 0] for each in more)])
+        if len(times) < 3 or not len(gains):
+            break
+        missed, level = prediction_error(gains, delays, scene.band.centre, group, len(scene.group))
         level = np.maximum(level, plan.level)  # a fading return demands no more knots than elsewhere
         predicted = float((missed / np.where(level > 0, level, np.inf)).max(initial=0.0))
         error = plan.time_scale * predicted
@@ -75,21 +116,19 @@ def trace_direct(
             break
         count, before = 2 * count - 1, error
     paths = _paths(plan, times, samples, chosen, values, centroids, names)
+    if more and routes is not None:
+        paths = RadarPaths.concatenate([paths, *(routes.paths(plan, times, samples, each, names) for each in more)])
 
     def centres(t: float) -> FloatArray:
         points = plan.mesh.points(scene.positions(t), np.zeros(3))
         return plan.mesh.centroids(points, chosen)
 
     time_error = max(error, plan.time_error) if len(times) > 1 else 0.0
+    facets = (len(chosen) + sum(len(each.facets) for each in more)) * len(times)
+    shadows = tuple(each.shadows for each in samples)
     return DirectTrace(
-        paths,
-        plan.error,
-        time_error,
-        plan.surface,
-        len(chosen) * len(times),
-        tuple(each.shadows for each in samples),
-        centres,
-    )
+        paths, plan.error, time_error, plan.surface, facets, shadows, centres, tuple(samples)
+    )  # fmt: skip
 
 
 def _rests(samples: list[Sample]) -> bool:
@@ -115,13 +154,12 @@ def _paths(
     rough = [_diffuse(plan, sample, chosen) for sample in samples]
     if rough[0] is not None:
         gains[0] += np.stack([each for each in rough if each is not None], axis=-1)
-    tau = np.empty((len(tx), len(rx), len(chosen), len(times)))
-    pair_delays(centroids, tx, rx, tau)
+    tau = plan.delays(samples, chosen, centroids)
     if len(times) > 1:
         rate = tau @ knot_weights(times, times, 1).T
     else:
         t = float(times[0])
-        after, ahead = (np.empty_like(tau) for _ in range(2))
+        after, ahead = np.empty((2, *tau.shape))
         for step, into in ((-RATE_STEP, after), (RATE_STEP, ahead)):
             points = mesh.points(scene.positions(t + step), band.viewpoint)
             pair_delays(mesh.centroids(points, chosen)[None], tx, rx, into)

@@ -18,16 +18,16 @@ from rfgen_sionna._types import FloatArray, IntArray
 @njit(cache=True, nogil=True, error_model="numpy")
 def bound_returns(
     points: Any, corners: Any, faces: Any, group: Any, normals: Any, face_of: Any, chosen: Any, visible: Any, gain: Any,
-    wavenumber: float, bounds: Any,
+    wavenumber: float, tx: Any, rx: Any, bounds: Any,
 ) -> None:  # fmt: skip
     """Raise `bounds` (chosen,) to the largest return of each of the `chosen` facets [1/m^2 of area over distance
     squared].
 
-    With phases d = 2 k times the differences of the corners' distances, the mean phasor of a triangle is at most 2 /
-    (the largest d times the second largest), and 1. Edges of smooth facets bend: their slopes reach four sagittas more.
-    `points` (vertex, 3) and `corners` (facet, 3) are those of flat facets, the others those of
-    :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`; `gain` (chosen,) is the pattern gain, `wavenumber`
-    is in rad/m.
+    With phases d = k times the differences of the corners' distances from `tx` and `rx` (3,) [m] together, the mean
+    phasor of a triangle is at most 2 / (the largest d times the second largest), and 1. Edges of smooth facets bend:
+    their slopes reach four sagittas more. `points` (vertex, 3) and `corners` (facet, 3) are those of flat facets, the
+    others those of :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`; `gain` (chosen,) is the pattern gain,
+    `wavenumber` is in rad/m.
     """
     for q in range(chosen.shape[0]):
         if visible[q] <= 0.0:
@@ -37,8 +37,15 @@ def bound_returns(
         mx = points[a, 0] + points[b, 0] + points[c, 0]
         my = points[a, 1] + points[b, 1] + points[c, 1]
         mz = points[a, 2] + points[b, 2] + points[c, 2]
-        inverse = 1.0 / max(np.sqrt(mx * mx + my * my + mz * mz), 1e-12)
-        ux, uy, uz = mx * inverse, my * inverse, mz * inverse
+        # Mean of the directions from both.
+        tx_x, tx_y, tx_z = mx - 3.0 * tx[0], my - 3.0 * tx[1], mz - 3.0 * tx[2]
+        rx_x, rx_y, rx_z = mx - 3.0 * rx[0], my - 3.0 * rx[1], mz - 3.0 * rx[2]
+        from_tx = 1.0 / max(np.sqrt(tx_x * tx_x + tx_y * tx_y + tx_z * tx_z), 1e-12)
+        from_rx = 1.0 / max(np.sqrt(rx_x * rx_x + rx_y * rx_y + rx_z * rx_z), 1e-12)
+        ux, uy, uz = (
+            0.5 * (tx_x * from_tx + rx_x * from_rx), 0.5 * (tx_y * from_tx + rx_y * from_rx),
+            0.5 * (tx_z * from_tx + rx_z * from_rx),
+        )  # fmt: skip
         px, py, pz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
         qx, qy, qz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
         area = abs((py * qz - pz * qy) * ux + (pz * qx - px * qz) * uy + (px * qy - py * qx) * uz)
@@ -60,7 +67,7 @@ def bound_returns(
         most = max(2.0 * wavenumber * (max(d1, d2, d3) - 0.5 * bend), 0.0)
         least = max(2.0 * wavenumber * (min(d1, d2, d3) - 0.5 * bend), 0.0)
         mean = min(1.0, 2.0 / max(most * max(least, 2.0), 2.0))
-        bounds[q] = max(bounds[q], visible[q] * gain[q] * area * 9.0 * inverse * inverse * mean)
+        bounds[q] = max(bounds[q], visible[q] * gain[q] * area * 9.0 * from_tx * from_rx * mean)
 
 
 def significant(bounds: FloatArray, surface: IntArray, count: int, omitted: float) -> NDArray[np.intp]:

@@ -15,10 +15,11 @@ from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.direct.expansion_choice import choose_expansion, expanded, group_sums, node_table
 from rfgen_sionna.tracing.direct.knot_count import with_knots
 from rfgen_sionna.tracing.direct.other_diagonals import with_other_diagonals
+from rfgen_sionna.tracing.direct.run_scene import RunScene
 from rfgen_sionna.tracing.direct.samples import GainNodes, Sample
 from rfgen_sionna.tracing.direct.settings import Settings
 from rfgen_sionna.tracing.direct.time_error import share_of
-from rfgen_sionna.tracing.direct.trace_plan import SAFETY, RunScene, TracePlan
+from rfgen_sionna.tracing.direct.trace_plan import SAFETY, TracePlan
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.expansion import PROBES
 from rfgen_sionna.tracing.surface.facets import CANCELLED
@@ -98,22 +99,10 @@ class Planner:
             expansion = scene.band.expansions.through([(0, 0, 0, 0, 0)])
             steep = scene.rtol < 0.03 or not all(each.smooth for each in scene.surfaces)
             plan = TracePlan(
-                scene,
-                settings,
-                mesh,
-                mesh.surface,
-                expansion,
-                centre,
-                steep,
-                0.0,
-                1,
-                0.0,
-                0.0,
-                self._cull,
-                self._of_surfaces,
-                np.zeros(len(scene.group)),
-                0.0,
-            )
+                scene=scene, settings=settings, mesh=mesh, material=mesh.surface, expansion=expansion, nodes=centre,
+                steep=steep, error=0.0, knots=1, time_error=0.0, time_scale=0.0, cull=self._cull,
+                nearest=self._of_surfaces, level=np.zeros(len(scene.group)), surface=0.0,
+            )  # fmt: skip
             self._plans[settings] = self._with_expansion(plan)
         return replace(self._plans[settings], error=float(np.max(error, initial=0.0)))
 

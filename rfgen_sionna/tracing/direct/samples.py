@@ -12,9 +12,14 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.tracing.direct.facet_bounds import bound_returns, significant
+from rfgen_sionna.tracing.integral.leg_fields import LegTables
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
+from rfgen_sionna.tracing.routes.leg_visibility import Crossings, see_along
+from rfgen_sionna.tracing.routes.legs import Leg
+from rfgen_sionna.tracing.routes.slab_scene import SlabScene
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.visibility.item_buffer import (
+    NO_CUTS,
     NO_SHADOWS,
     Cuts,
     ItemBuffer,
@@ -48,6 +53,8 @@ class Sample:
     """From each place of the array, the phase centre first or alone."""
     shadows: Shadows
     """On facets at rest, from the first place."""
+    crossed: Crossings | None = None
+    """Slabs on the direct leg to each facet; None without transmission."""
 
     @property
     def visible(self) -> FloatArray:
@@ -67,28 +74,38 @@ class Sampler:
     max_range: float
     resolution: Resolution
     static: FloatArray
+    slabs: SlabScene | None = None
+    """Slabs that transmit; None means that all surfaces occlude."""
 
     def at(self, times: Sequence[float], places: FloatArray) -> list[Sample]:
         """Samples at `times` [s] from `places` (place, 3) [m] of the array relative to the viewpoint, in common
-        views."""
+        views. Slabs are looked for from the phase centre alone."""
         mesh = self.mesh
         points = [mesh.points(self.positions(t), self.viewpoint) for t in times]
+        shares, crossed = None, list[Crossings | None]([None] * len(times))
+        if self.slabs is not None:
+            given = mesh.meshes, points, self.slabs.occluders, self.resolution, mesh.corner_normals
+            shares, found = see_along(Leg(()), *given)
+            crossed = [*found]
         seen, shadows = list[list[SeenFacets]](), [NO_SHADOWS for _ in times]
         for number, place in enumerate(places):
             moved = points if not place.any() else [each - place for each in points]
             buffer = ItemBuffer(mesh.meshes, choose_views(moved, mesh.meshes, self.resolution), self.static - place)
             seen.append([])
             for k, (each, own) in enumerate(zip(moved, points, strict=True)):
-                visible = np.zeros(len(mesh))
-                cuts = buffer.fractions(each, visible)
+                visible, cuts = np.zeros(len(mesh)), NO_CUTS
+                if shares is None or len(self.static):
+                    cuts = buffer.fractions(each, visible)
+                if shares is not None:
+                    visible, cuts = shares[k].copy(), NO_CUTS
                 self._limit_range(own, visible)
                 seen[-1].append(SeenFacets(visible, cuts))
                 if len(self.static) and number == 0:
                     shadows[k] = buffer.shadows()
         views = zip(*seen, strict=True)
         return [
-            Sample(each, mesh.normals(each), own, shadow)
-            for each, own, shadow in zip(points, views, shadows, strict=True)
+            Sample(each, mesh.normals(each), own, shadow, slabs)
+            for each, own, shadow, slabs in zip(points, views, shadows, crossed, strict=True)
         ]
 
     def _limit_range(self, points: FloatArray, visible: FloatArray) -> None:
@@ -121,7 +138,7 @@ def choose_facets(
     for each in {0: samples[0], len(samples) // 2: samples[len(samples) // 2], len(samples) - 1: samples[-1]}.values():
         bound_returns(
             each.points, mesh.meshes.corners, mesh.faces, mesh.group, each.normals, mesh.face_of, chosen,
-            each.visible[chosen], gain, wavenumber, bounds,
+            each.visible[chosen], gain, wavenumber, np.zeros(3), np.zeros(3), bounds,
         )  # fmt: skip
     return chosen[significant(bounds, group[mesh.facet_surface[chosen]], len(group), omitted)]
 
@@ -142,6 +159,12 @@ class GainNodes:
     place: IntArray
     """(node,) place of each node."""
 
+    @staticmethod
+    def of_one_place(table: FloatArray, media: FloatArray, fields: FloatArray, bistatic: bool) -> GainNodes:
+        """Nodes that share the view from the phase centre."""
+        place: IntArray = np.zeros(len(table), np.int32)
+        return GainNodes(np.ascontiguousarray(table), media, fields, bistatic, np.zeros((1, 3)), place)
+
 
 def integrate(
     mesh: FacetMesh,
@@ -152,18 +175,25 @@ def integrate(
     sagitta: float,
     turn: float,
     gradient: FloatArray,
+    visible: FloatArray | None = None,
+    legs: LegTables | None = None,
 ) -> tuple[ComplexArray, FloatArray]:
-    """(node, chosen) gains with the shadow weight, and (chosen, 3) centroids [m] relative to the viewpoint; the
-    arguments are those of :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`."""
+    """(node, chosen) gains with the shadow weight `visible` (chosen,), that of the sample by default, and (chosen, 3)
+    centroids [m] relative to the viewpoint; the arguments are those of
+    :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`."""
     gains = np.empty((len(nodes.table), len(chosen)), np.complex128)
     centroids = np.empty((len(chosen), 3))
-    for number, (visible, cuts) in enumerate(sample.seen):
+    seen = [SeenFacets(share[chosen], cuts) for share, cuts in sample.seen]
+    if visible is not None:
+        seen = [SeenFacets(visible, NO_CUTS)]
+    for number, (share, cuts) in enumerate(seen):
         own = np.flatnonzero(nodes.place == number)
         found = gains if len(own) == len(gains) else np.empty((len(own), len(chosen)), np.complex128)
         patch_gains(
-            sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, visible[chosen],
+            sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, share,
             cuts.of(chosen), cuts.pieces, cuts.triangles, material, mesh.single, nodes.table[own], nodes.fields,
-            nodes.media[own], nodes.bistatic, sagitta, turn, gradient, found, centroids,
+            nodes.media[own], nodes.bistatic, sagitta, turn, gradient, (legs or LegTables.direct()).at(own), found,
+            centroids,
         )  # fmt: skip
         if found is not gains:
             gains[own] = found

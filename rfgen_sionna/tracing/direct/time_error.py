@@ -39,6 +39,12 @@ def prediction_error(
     return _rms(missed), _rms(_sums(waves, group, count))
 
 
+def mean_level(gains: ComplexArray, delays: FloatArray, frequency: float, group: IntArray, count: int) -> FloatArray:
+    """(group,) coherent return of each group [root mean square over time], for the arguments of
+    :func:`prediction_error`."""
+    return _rms(_sums(gains * _phasors(frequency * delays), group, count))
+
+
 def _phasors(cycles: FloatArray) -> ComplexArray:
     return np.asarray(np.exp(-2j * np.pi * (cycles - np.rint(cycles))))
 

@@ -88,7 +88,7 @@ def reflection(medium: Any, wavenumber: float, cosine: float, sine2: float) -> t
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _transverse(field: Any, k: Any) -> Any:
+def transverse(field: Any, k: Any) -> Any:
     """Unit vector of the part of a `field` across `k`; zero where there is none."""
     across = minus(field, scaled(k, dot(field, k)))
     size = norm(across)
@@ -96,14 +96,14 @@ def _transverse(field: Any, k: Any) -> Any:
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _received(field: Any, direction: Any, electric: Any, current: Any) -> float:
+def _received(field: Any, direction: Any, electric: Any, current: Any) -> Any:
     """Half of e_out . (k_out x (E x n) + k_out x (k_out x (n x eta H))), the Stratton-Chu integrand, of a `field`
     along a `direction`."""
     return 0.5 * (dot(field, electric) + dot(current, cross(direction, field)))
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _one_way(medium: Any, wavenumber: float, normal: Any, k_in: Any, e_in: Any, k_out: Any, e_out: Any) -> complex:
+def one_way(medium: Any, wavenumber: float, normal: Any, k_in: Any, e_in: Any, k_out: Any, e_out: Any) -> complex:
     """Obliquity of a plane wave of unit field `e_in` along `k_in`, received along `k_out` by an element of field
     `e_out`."""
     cosine = min(max(-dot(k_in, normal), 0.0), 1.0)
@@ -150,9 +150,9 @@ def obliquity(
         k_in, k_out = unit(from_tx), unit(to_rx)
         if dot(normal, k_in) >= 0.0 or dot(normal, k_out) <= 0.0:
             return 0j
-        e_tx, e_rx = _transverse(tx_field, k_in), _transverse(rx_field, k_out)
-        there = _one_way(medium, wavenumber, normal, k_in, e_tx, k_out, e_rx)
-        back = _one_way(medium, wavenumber, normal, scaled(k_out, -1.0), e_rx, scaled(k_in, -1.0), e_tx)
+        e_tx, e_rx = transverse(tx_field, k_in), transverse(rx_field, k_out)
+        there = one_way(medium, wavenumber, normal, k_in, e_tx, k_out, e_rx)
+        back = one_way(medium, wavenumber, normal, scaled(k_out, -1.0), e_rx, scaled(k_in, -1.0), e_tx)
         return 0.5 * (there + back) / (spread * max(cosine, _MIN_COSINE))
     distance = norm(offset)
     if distance < _MIN_DISTANCE:

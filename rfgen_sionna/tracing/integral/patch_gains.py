@@ -21,12 +21,21 @@ import numpy as np
 from numba import njit
 
 from rfgen_sionna.tracing.integral.fresnel import cross, dot, minus, norm, obliquity, plus, scaled, unit
+from rfgen_sionna.tracing.integral.leg_fields import leg_obliquity, slab_length
+from rfgen_sionna.tracing.integral.patch_geometry import (
+    MIN_DISTANCE,
+    area_element,
+    bisector,
+    clip_state,
+    on_patch,
+    path_length,
+    visible_triangles,
+    within,
+)
 from rfgen_sionna.tracing.integral.phasor_moments import FAST, mean_phasor
 
 MAX_PARTS = 8
 """Largest number of pieces along an edge."""
-MIN_DISTANCE = 1e-4
-"""Distance of an element [m] below which a facet returns nothing."""
 _POINTS = (2 * MAX_PARTS + 1) * (MAX_PARTS + 1)
 
 
@@ -42,47 +51,25 @@ def _edge_sagitta(normals: Any, g: int, h: int, chord: Any) -> tuple[float, floa
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _on_patch(a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, place: Any) -> tuple[float, float, float]:
-    """Point at barycentric coordinates `place` of a patch with corners `a`, `b`, `c` and sagittas `r`, `s`, `t`."""
-    u, v, w = place
-    p, q, o = 4.0 * v * w, 4.0 * w * u, 4.0 * u * v
-    return (
-        u * a[0] + v * b[0] + w * c[0] + p * r[0] + q * s[0] + o * t[0],
-        u * a[1] + v * b[1] + w * c[1] + p * r[1] + q * s[1] + o * t[1],
-        u * a[2] + v * b[2] + w * c[2] + p * r[2] + q * s[2] + o * t[2],
-    )
+def _slab_path(legs: Any, q: int, point: Any, t: Any, r: Any) -> float:
+    """Delay [m] of the slabs on both legs between a `point` of facet `q` and the images `t` and `r` of the elements."""
+    return slab_length(legs, 0, q, unit(minus(point, t))) + slab_length(legs, 1, q, unit(minus(r, point)))
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _area_element(a: Any, b: Any, c: Any, r: Any, s: Any, t: Any, place: Any) -> tuple[float, float, float]:
-    """Vector area element there, of twice the area's length."""
-    u, v, w = scaled(place, 4.0)
-    of_u = plus(a, plus(scaled(s, w), scaled(t, v)))
-    of_v, of_w = plus(b, plus(scaled(r, w), scaled(t, u))), plus(c, plus(scaled(r, v), scaled(s, u)))
-    return cross(minus(of_v, of_u), minus(of_w, of_u))
-
-
-@njit(fastmath=FAST, error_model="numpy")
-def _within(cut: Any, corner: int, whole: Any) -> tuple[float, float, float]:
-    """Barycentric coordinates in the face of a `corner` of a `cut` (3, 3) of a facet with corners `whole` there."""
-    return plus(
-        plus(scaled(whole[0], cut[corner, 0]), scaled(whole[1], cut[corner, 1])), scaled(whole[2], cut[corner, 2])
-    )
-
-
-@njit(fastmath=FAST, error_model="numpy")
-def _path_length(point: Any, t: Any, r: Any, apart: bool) -> float:
-    """Length [m] of the path from `t` by a `point` to `r`, or twice the distance of `t` where both are one."""
-    if apart:
-        return norm(minus(point, t)) + norm(minus(point, r))
-    return 2.0 * norm(minus(point, t))
+def _facing_area(area: Any, point: Any, here: Any, there: Any) -> float:
+    """Vector `area` at a `point`, projected to half way between the directions to `here` and `there` (not divided by
+    the length of their mean), over the product of the distances."""
+    to, fro = minus(point, here), minus(point, there)
+    one, other = max(norm(to), MIN_DISTANCE), max(norm(fro), MIN_DISTANCE)
+    return (dot(area, to) / one + dot(area, fro) / other) / (one * other)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def patch_gains(
     points: Any, faces: Any, group: Any, normals: Any, face_of: Any, weights: Any, chosen: Any, visible: Any,
     cut_of: Any, cuts: Any, cut_count: Any, material: Any, single: Any, nodes: Any, fields: Any, media: Any, bistatic:
-    bool, most_sagitta: float, most_turn: float, gradient: Any, gains: Any, centroids: Any,
+    bool, most_sagitta: float, most_turn: float, gradient: Any, legs: Any, gains: Any, centroids: Any,
 ) -> None:  # fmt: skip
     """Gains (node, chosen) without the propagation phase of the `centroids` (chosen, 3) [m] of the flat facets.
 
@@ -115,8 +102,17 @@ def patch_gains(
         takes that of the middle for the whole facet.
     gradient
         (chosen, 3) gradient of the logarithm of the pattern gain [1/m]; empty means none.
+    legs
+        :class:`rfgen_sionna.tracing.integral.leg_fields.LegTables` of both legs: `nodes` and `fields` are then those of
+        images. Facets are clipped to its `planes`.
     """
     path, weight = np.empty(_POINTS), np.empty(_POINTS)
+    mirrored, planes = legs.mirrors[0] + legs.mirrors[1] > 0, legs.planes
+    views = (
+        (legs.views[0, 0], legs.views[0, 1], legs.views[0, 2]), (legs.views[1, 0], legs.views[1, 1], legs.views[1, 2])
+    )  # fmt: skip
+    most = 2 * (planes.shape[0] + 1)
+    triangles, polygon, spare = np.empty((most, 3, 3)), np.empty((most + 2, 2)), np.empty((most + 2, 2))
     tx_field, rx_field = (fields[0, 0], fields[0, 1], fields[0, 2]), (fields[1, 0], fields[1, 1], fields[1, 2])
     zero, tilt = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for q in range(chosen.shape[0]):
@@ -134,25 +130,34 @@ def patch_gains(
         )  # fmt: skip
         # Barycentric coordinates of the facet's corners in its face, and its share of the face.
         one, two, three = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-        share, whole = 1.0, (one, two, three)
+        share = 1.0
         if weights.shape[0]:
             one = (weights[f, 0, 0], weights[f, 0, 1], weights[f, 0, 2])
             two = (weights[f, 1, 0], weights[f, 1, 1], weights[f, 1, 2])
             three = (weights[f, 2, 0], weights[f, 2, 1], weights[f, 2, 2])
             share = abs(dot(one, cross(two, three)))
+        whole = (one, two, three)
         centre = scaled(plus(plus(one, two), three), 1.0 / 3.0)
-        middle = _on_patch(a, b, c, zero, zero, zero, centre)  # of the flat facet
+        middle = on_patch(a, b, c, zero, zero, zero, centre)  # of the flat facet
         centroids[q, 0], centroids[q, 1], centroids[q, 2] = middle
         for n in range(nodes.shape[0]):
             gains[n, q] = 0.0
         if visible[q] <= 0.0:
             continue
-        inward = dot(cross(minus(b, a), minus(c, a)), middle) > 0.0
+        inside = clip_state((a, b, c, r, s, t), whole, planes) if planes.shape[0] else 1
+        if inside < 0:
+            continue
+        routed = mirrored
+        for leg in range(2):
+            for depth in range(legs.slab.shape[2]):
+                routed = routed or legs.slab[leg, q, depth] >= 0
+        eye = bisector(middle, views[0], views[1]) if mirrored else zero
+        inward = dot(cross(minus(b, a), minus(c, a)), minus(middle, eye)) > 0.0
         if inward and single[face]:
             continue
         side = -1.0 if inward else 1.0
-        element, distance, base = zero, 1.0, 0.0
-        top, facing = _on_patch(a, b, c, r, s, t, centre), scaled(_area_element(a, b, c, r, s, t, centre), side)
+        element, distance, base, apart = zero, 1.0, 0.0, bistatic
+        top, facing = on_patch(a, b, c, r, s, t, centre), scaled(area_element(a, b, c, r, s, t, centre), side)
         size = norm(facing)
         if size <= 0.0:
             continue
@@ -164,18 +169,22 @@ def patch_gains(
         # Turn of the normal and of the line of sight over the facet.
         turn = 0.0
         if most_turn > 0.0:
-            first, last = _on_patch(a, b, c, r, s, t, one), _area_element(a, b, c, r, s, t, one)
+            first, last = on_patch(a, b, c, r, s, t, one), area_element(a, b, c, r, s, t, one)
             for corner in (two, three):
-                bend = minus(unit(_area_element(a, b, c, r, s, t, corner)), unit(last))
-                turn = max(turn, norm(bend) + norm(minus(_on_patch(a, b, c, r, s, t, corner), first)) / norm(middle))
+                bend = minus(unit(area_element(a, b, c, r, s, t, corner)), unit(last))
+                across = minus(on_patch(a, b, c, r, s, t, corner), first)
+                turn = max(turn, norm(bend) + norm(across) / norm(minus(middle, eye)))
         pieces, factor = 1, 0.5j / (4.0 * np.pi) * visible[q]
-        if cut >= 0:
-            pieces, factor = cut_count[cut], 0.5j / (4.0 * np.pi)
-            whole = (one, two, three)
-        for piece in range(pieces):
+        if cut >= 0 or inside == 0:
             if cut >= 0:
-                one, two, three = _within(cuts[cut, piece], 0, whole), _within(cuts[cut, piece], 1, whole), _within(
-                    cuts[cut, piece], 2, whole)  # fmt: skip
+                factor = 0.5j / (4.0 * np.pi)
+            pieces = visible_triangles(
+                (a, b, c, r, s, t), whole, cut, cuts, cut_count, planes, polygon, spare, triangles
+            )
+        for piece in range(pieces):
+            if cut >= 0 or inside == 0:
+                one, two, three = within(triangles, piece, 0, whole), within(triangles, piece, 1, whole), within(
+                    triangles, piece, 2, whole)  # fmt: skip
                 share = abs(dot(one, cross(two, three)))
             parts, before = 1, -1
             for n in range(nodes.shape[0]):
@@ -187,25 +196,36 @@ def patch_gains(
                         same = same and nodes[n, m] == nodes[before, m]
                 if not same:
                     before = n
-                    element = scaled(plus(here, there), 0.5)
-                    if not bistatic:
+                    apart = bistatic or routed
+                    element = bisector(top, here, there) if mirrored else scaled(plus(here, there), 0.5)
+                    if not apart:
                         here = there = element
-                    base = _path_length(middle, here, there, bistatic)
+                    base = path_length(middle, here, there, apart)
                     distance = max(norm(minus(top, element)), MIN_DISTANCE)
+                    spread = distance * distance
+                    if mirrored:
+                        spread = norm(minus(top, here)) * norm(minus(top, there))
+                        spread = spread / max(norm(plus(unit(minus(top, here)), unit(minus(top, there)))), MIN_DISTANCE)
+                    slabs = _slab_path(legs, q, top, here, there) if routed else 0.0
                     parts = 1
                     for attempt in range(2):
-                        m, scale = 0, -side * share * (distance / parts) ** 2
+                        m, scale = 0, -side * share * spread / parts**2
                         for row in range(2 * parts + 1):
                             for column in range(2 * parts + 1 - row):
                                 x, y = 0.5 * row / parts, 0.5 * column / parts
                                 place = plus(plus(scaled(one, 1.0 - x - y), scaled(two, x)), scaled(three, y))
-                                point = _on_patch(a, b, c, r, s, t, place)
-                                path[m] = _path_length(point, here, there, bistatic) - base
+                                point = on_patch(a, b, c, r, s, t, place)
+                                path[m] = path_length(point, here, there, apart) - base
+                                if routed:  # slabs by their delay at each point, with the coefficients of the middle
+                                    path[m] += _slab_path(legs, q, point, here, there) - slabs
                                 if row % 2 == 0 and column % 2 == 0:
                                     # Projected area over the squared distance, relative to that of the middle.
-                                    offset = minus(point, element)
-                                    away = max(norm(offset), MIN_DISTANCE)
-                                    projected = dot(_area_element(a, b, c, r, s, t, place), offset) / away**3
+                                    area = area_element(a, b, c, r, s, t, place)
+                                    if mirrored:
+                                        projected = _facing_area(area, point, here, there)
+                                    else:
+                                        offset = minus(point, element)
+                                        projected = dot(area, offset) / max(norm(offset), MIN_DISTANCE) ** 3
                                     weight[m] = max(scale * projected, 0.0) * (1.0 + dot(tilt, minus(point, top)))
                                 m += 1
                         if attempt == 0:
@@ -220,9 +240,15 @@ def patch_gains(
                             parts = min(max(parts, 1), MAX_PARTS)
                             if parts == 1:
                                 break
-                own = most_turn > 0.0 and parts > 1
+                own = most_turn > 0.0 and parts > 1 and not routed
                 strength = 1.0 + 0j
-                if not own:
+                if routed:
+                    strength = leg_obliquity(
+                        media[n, material[face]], wavenumber, facing, top, (nodes[n, 0], nodes[n, 1], nodes[n, 2]),
+                        (nodes[n, 3], nodes[n, 4], nodes[n, 5]), unit(minus(top, element)), tx_field, rx_field, legs,
+                        n, q,
+                    )  # fmt: skip
+                elif not own:
                     strength = obliquity(
                         media[n, material[face]], wavenumber, facing, top, (nodes[n, 0], nodes[n, 1], nodes[n, 2]),
                         (nodes[n, 3], nodes[n, 4], nodes[n, 5]), tx_field, rx_field, bistatic,
@@ -248,10 +274,10 @@ def patch_gains(
                             if own:  # of the piece, at the distance of the facet's middle
                                 x, y = (x0 + x1 + x2) / (3.0 * double), (y0 + y1 + y2) / (3.0 * double)
                                 place = plus(plus(scaled(one, 1.0 - x - y), scaled(two, x)), scaled(three, y))
-                                offset = minus(_on_patch(a, b, c, r, s, t, place), element)
+                                offset = minus(on_patch(a, b, c, r, s, t, place), element)
                                 factor_here = obliquity(
                                     media[n, material[face]], wavenumber,
-                                    unit(scaled(_area_element(a, b, c, r, s, t, place), side)),
+                                    unit(scaled(area_element(a, b, c, r, s, t, place), side)),
                                     plus(element, scaled(offset, distance / max(norm(offset), MIN_DISTANCE))),
                                     (nodes[n, 0], nodes[n, 1], nodes[n, 2]), (nodes[n, 3], nodes[n, 4], nodes[n, 5]),
                                     tx_field, rx_field, bistatic,

@@ -85,7 +85,7 @@ class ShadowEdges:
         """Straight pieces of the boundaries of visible `pieces` (piece, 3, 3) on flat facets `owner` (piece,).
 
         `occluder` (piece, 4) is :attr:`SampledVisibility.occluder`, or (piece, 16) that of
-        :class:`rfgen_sionna.tracing.moving.slab_transmission.SlabTransmission`. At `wavenumber` [rad/m] the phase is
+        :class:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges`. At `wavenumber` [rad/m] the phase is
         linear on each piece.
         """
         edged = np.flatnonzero(occluder[:, 0] < 1.0)  # not NaN

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.records import RadarPaths
+from rfgen_sionna.scene.rays import RayScene
+from rfgen_sionna.tracing.direct.time_error import leave_one_out
+
+LEAVE_ONE_OUT_SCALE = 0.35
+"""Typical error of a spline through all knots over that of predictions of single knots."""
 
 
 @dataclass(frozen=True)
@@ -74,3 +81,50 @@ class StaticIndirectPaths:
 def _weighted(paths: RadarPaths, weight: FloatArray) -> RadarPaths:
     dispersion = None if paths.dispersion is None else paths.dispersion * weight
     return replace(paths, a=paths.a * weight, dispersion=dispersion)
+
+
+@dataclass(frozen=True)
+class IndirectShadows:
+    """Shadows of actors on indirect static paths."""
+
+    traced: tuple[Any, ...]
+    """:class:`StaticIndirectPaths` of each kind."""
+    times: FloatArray
+    """(time,) [s]"""
+    left: tuple[FloatArray, ...]
+    """(path, time) visible share of each."""
+    rays: int
+
+    @staticmethod
+    def of(
+        traced: Sequence[Any],
+        times: FloatArray,
+        rays_at: Callable[[float], RayScene],
+        vertices: Callable[[float], Sequence[FloatArray]],
+    ) -> IndirectShadows:
+        """Shadows at `times` [s] of actors with `vertices`, in the ray scenes `rays_at` these."""
+        sent, left = 0, [np.ones((each.paths.num_paths, len(times))) for each in traced]
+        for k, t in enumerate(times.tolist() if traced else ()):
+            for each, share in zip(traced, left, strict=True):
+                share[:, k], count = each.visible(rays_at(t), vertices(t))
+                sent += count
+        return IndirectShadows(tuple(traced), times, tuple(left), sent)
+
+    def shadows(self, first: int) -> tuple[Shadow, ...]:
+        """All of them, on paths numbered from `first` on."""
+        found: list[Shadow] = []
+        for each, share in zip(self.traced, self.left, strict=True):
+            found += [shadow.of(first) for shadow in each.shadows(self.times, share)]
+            first += each.paths.num_paths
+        return tuple(shadow for shadow in found if shadow.paths.num_paths)
+
+    def error(self, static: Any) -> float:
+        """Error between the times, relative to the level of a `static` trace."""
+        found, times = 0.0, len(self.times)
+        for each, share in zip(self.traced, self.left, strict=True):
+            if times > 2 and static.level > 0 and len(share):
+                paths = each.paths
+                waves = paths.a[0, 0, :, 0] * np.exp(-2j * np.pi * np.mod(paths.frequency * paths.tau[0, 0, :, 0], 1.0))
+                off = waves @ (share @ leave_one_out(times).T)
+                found = max(found, LEAVE_ONE_OUT_SCALE * float(np.sqrt(np.mean(np.abs(off) ** 2))) / static.level)
+        return found

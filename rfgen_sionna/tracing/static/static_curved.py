@@ -14,11 +14,13 @@ from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.curved.smoothed_surface import SmoothedSurface
-from rfgen_sionna.tracing.reflectors.planar_reflectors import face_owners, find_planar_parts
+from rfgen_sionna.tracing.routes.planar_parts import face_owners, find_planar_parts
 from rfgen_sionna.tracing.static.actor_shadows import StaticIndirectPaths
-from rfgen_sionna.tracing.static.static_reflections import MIN_REFLECTOR_WIDTH
 from rfgen_sionna.tracing.static.static_trace import StaticTrace
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
+
+MIN_REFLECTOR_WIDTH = 1.0
+"""Least width of a planar reflector [wavelengths]; narrower parts count as curved."""
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,13 @@ from rfgen_sionna.tracing.direct.expansion_choice import node_table
 from rfgen_sionna.tracing.direct.time_error import leave_one_out
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.integral.fresnel import media_table
+from rfgen_sionna.tracing.integral.leg_fields import LegTables
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
-from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
+from rfgen_sionna.tracing.static.actor_shadows import LEAVE_ONE_OUT_SCALE, Shadow, cast_shadow
 from rfgen_sionna.tracing.static.static_trace import StaticTrace
 from rfgen_sionna.tracing.visibility.item_buffer import Shadows
 
-LEAVE_ONE_OUT_SCALE = 0.35
-"""Typical error of a spline through all knots over that of predictions of single knots."""
 EXPANSION, FINE_EXPANSION, EXPANSION_RTOL = (3, 1), (4, 2), 0.02
 """Orders over the band and degrees over the array of the expansions of hidden pieces: static facets are several range
 cells deep at most; the second below the tolerance given third."""
@@ -85,9 +84,8 @@ class StaticShadows:
                 self._points, self._faces, flat, np.zeros((1, 3)), np.arange(len(self._faces), dtype=np.int32),
                 np.zeros((0, 3, 3)), chosen, share, hidden.of(chosen), hidden.pieces, hidden.triangles,
                 np.asarray(self._static.facets.surface, np.int32), np.zeros(len(self._faces), np.bool_), self._nodes[0],
-                self._nodes[1], self._nodes[2], not self._band.alike, self._sagitta,
-                0.0,
-                np.zeros((0, 3)) if gradient is None else gradient, gains, places,
+                self._nodes[1], self._nodes[2], not self._band.alike, self._sagitta, 0.0,
+                np.zeros((0, 3)) if gradient is None else gradient, LegTables.direct(), gains, places,
             )  # fmt: skip
         return chosen, self._band.combined(self._expansion, gains)
 

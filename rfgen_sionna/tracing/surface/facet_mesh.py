@@ -147,6 +147,19 @@ class FacetMesh:
         facet_centroids(points, self.meshes.corners, chosen, found)
         return found
 
+    def corner_normals(self, points: FloatArray, facets: slice) -> FloatArray:
+        """(facet, 3, 3) unit normals at the corners of some `facets`, those of the smooth surface where there is
+        one."""
+        a, b, c = (points[self.meshes.corners[facets, k]] for k in range(3))
+        found = np.repeat(np.cross(b - a, c - a)[:, None], 3, axis=1)
+        group = self.group[self.face_of[facets]]
+        smooth = group[:, 0] >= 0
+        if smooth.any():
+            of_face = self.normals(points)[group[smooth]]
+            weights = self.weights[facets][smooth] if len(self.weights) else np.eye(3)
+            found[smooth] = weights @ of_face
+        return np.asarray(found / np.maximum(np.linalg.norm(found, axis=2, keepdims=True), 1e-30))
+
     def normals(self, points: FloatArray) -> FloatArray:
         """(normal, 3) unit normals of the smooth surfaces at `points` (vertex, 3) [m]."""
         found = np.zeros((max(self.num_normals, 1), 3))

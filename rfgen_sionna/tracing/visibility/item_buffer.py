@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.tracing.visibility.rasterise import (
+    EVERYWHERE,
+    NO_PLANES,
     bounding_box,
     count_hidden,
     count_items,
@@ -89,11 +91,11 @@ def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resol
     for k in used:
         for each in points:
             bounding_box(each[slice(*vertex_range[k])], boxes[k])
-    axes = _axes(boxes[used].mean(axis=(0, 1)))
+    axes = look_at(boxes[used].mean(axis=(0, 1)))
     windows = {k: _window([each[slice(*vertex_range[k])] for each in points], axes) for k in used}
     if any(each is None for each in windows.values()):
         return _cube(tuple(used), 4 * resolution.outline)
-    scales = {k: _scale(points[0], meshes, k, window, axes, resolution) for k, window in windows.items() if window}
+    scales = {k: view_scale(points[0], meshes, k, window, axes, resolution) for k, window in windows.items() if window}
     outlines = {k: each for k, each in windows.items() if each is not None}
     views = []
     for cluster in _clusters(outlines):
@@ -109,7 +111,7 @@ def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resol
     return views
 
 
-def _scale(
+def view_scale(
     points: FloatArray,
     meshes: Meshes,
     k: int,
@@ -124,7 +126,7 @@ def _scale(
     return float(max(resolution.outline / extent, by_facets))
 
 
-def _axes(forward: FloatArray) -> FloatArray:
+def look_at(forward: FloatArray) -> FloatArray:
     """(3, 3) forward, left and up for a direction `forward` (3,)."""
     size = float(np.linalg.norm(forward))
     x = forward / size if size > 1e-9 else np.array([1.0, 0.0, 0.0])
@@ -163,7 +165,7 @@ def _cube(surfaces: tuple[int, ...], size: int) -> list[ItemView]:
     """Six sides around the viewpoint, `size` pixels wide."""
     sides = [np.array([s if k == axis else 0.0 for k in range(3)]) for axis in range(3) for s in (1.0, -1.0)]
     size = min(size, int(np.sqrt(MAX_PIXELS)))
-    return [ItemView(_axes(each), np.array([-1.0, -1.0]), size / 2.0, (size, size), surfaces) for each in sides]
+    return [ItemView(look_at(each), np.array([-1.0, -1.0]), size / 2.0, (size, size), surfaces) for each in sides]
 
 
 class Cuts(NamedTuple):
@@ -197,8 +199,8 @@ class Shadows(NamedTuple):
     """Hidden pieces of those that are occluded in part."""
 
 
-NO_SHADOWS = Shadows(np.zeros(0, np.intp), np.zeros(0), Cuts(np.zeros(0, np.intp), np.zeros((0, 2, 3, 3)),
-                                                             np.zeros(0, np.int32)))  # fmt: skip
+NO_CUTS = Cuts(np.zeros(0, np.intp), np.zeros((0, 2, 3, 3)), np.zeros(0, np.int32))
+NO_SHADOWS = Shadows(np.zeros(0, np.intp), np.zeros(0), NO_CUTS)
 
 
 class ItemBuffer:
@@ -227,7 +229,7 @@ class ItemBuffer:
             drawn, seen = np.zeros(len(static), np.int32), np.zeros((len(static), 3))
             project(points, view.axes, left, up, inverse)
             draw(points, left, up, inverse, view.axes, corners, np.zeros(len(static), np.bool_), 0, view.origin,
-                 view.scale, nearest, items, drawn)  # fmt: skip
+                 view.scale, nearest, items, drawn, False, NO_PLANES, EVERYWHERE)  # fmt: skip
             count_items(items, 0, seen)
             x, y = left.reshape(-1, 3), up.reshape(-1, 3)
             area = np.abs((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0]))
@@ -255,15 +257,14 @@ class ItemBuffer:
                 draw(
                     points, self._left, self._up, self._inverse, view.axes, meshes.corners[facets],
                     meshes.single[facets], self._first + int(meshes.facet_range[k, 0]), view.origin, view.scale,
-                    nearest, items, drawn[facets],
+                    nearest, items, drawn[facets], False, NO_PLANES, EVERYWHERE,
                 )  # fmt: skip
             count_items(items, self._first, seen)
             for k in view.surfaces:
                 facets = slice(*meshes.facet_range[k])
                 # Facets too small for pixels of their own are visible where their centroids are.
                 see_small(points, view.axes, view.origin, view.scale, nearest, items, meshes.corners[facets],
-                drawn[facets],
-                          found[facets])  # fmt: skip
+                          drawn[facets], found[facets])  # fmt: skip
             partial = np.flatnonzero((seen[:, 0] > 0) & (seen[:, 0] < drawn))
             shares = seen[partial, 0] / drawn[partial]
             cuts.append(self._cut(view, (self._left, self._up, self._inverse), meshes.corners, partial, shares, seen))

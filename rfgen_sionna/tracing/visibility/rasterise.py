@@ -15,6 +15,9 @@ NEAR = 1e-3
 """Distance [m] of the plane at which facets are clipped."""
 SURFACE_MARGIN = 2e-3
 """Relative difference of inverse depths below which two points count as one surface."""
+EVERYWHERE = np.zeros((0, 0), np.int32)
+"""`opened` of views without a window."""
+NO_PLANES = np.zeros((0, 4))
 
 
 @njit(cache=True, nogil=True)
@@ -82,8 +85,8 @@ def project(points: Any, view: Any, left: Any, up: Any, inverse: Any) -> None:
 
 @njit(cache=True, nogil=True, inline="always")
 def _fill(ax: Any, ay: Any, aw: Any, bx: Any, by: Any, bw: Any, cx: Any, cy: Any, cw: Any, item: Any, nearest: Any,
-          items: Any) -> int:  # fmt: skip
-    """Draw one triangle; returns its number of pixel centres."""
+          items: Any, opened: Any) -> int:  # fmt: skip
+    """Draw one triangle; returns its number of pixel centres in the window."""
     rows, columns = nearest.shape
     area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
     if area == 0.0:
@@ -127,23 +130,32 @@ def _fill(ax: Any, ay: Any, aw: Any, bx: Any, by: Any, bw: Any, cx: Any, cy: Any
                 nearest[j, i] = np.float32(w)
                 items[j, i] = item
             w += wx
-        count += end - begin
+        count += opened[j, end] - opened[j, begin] if opened.shape[0] else end - begin
     return count
 
 
 @njit(cache=True, nogil=True)
 def draw(
     points: Any, left: Any, up: Any, inverse: Any, view: Any, corners: Any, single: Any, first: int, origin: Any,
-    scale: float, nearest: Any, items: Any, pixels: Any,
+    scale: float, nearest: Any, items: Any, pixels: Any, flipped: bool, planes: Any, opened: Any,
 ) -> None:  # fmt: skip
     """Draw facets `corners` (facet, 3) numbered from `first` on into `nearest` inverse depths and `items` (row,
     column), and add the pixel centres of each to `pixels` (facet,); -1 there means that it faces away.
 
     `left`, `up` and `inverse` (point,) are those of :func:`project`. Facets are `single`-sided (facet,),
     counter-clockwise from the visible side, or seen from both. `origin` (2,) is the tangent of the corner of pixel 0,
-    `scale` pixels per tangent.
+    `scale` pixels per tangent. `flipped` points are mirror images, of the other orientation. Facets are clipped to the
+    half-spaces `planes` (plane, 4), n . x >= d. `opened` (row, column + 1) counts the pixels of a window to the left;
+    empty means all.
     """
-    polygon, clipped = np.empty((5, 3)), np.empty((5, 3))
+    polygon, clipped = np.empty((5 + planes.shape[0], 3)), np.empty((5 + planes.shape[0], 3))
+    # The planes in view coordinates, the near one last.
+    bounds = np.empty((planes.shape[0] + 1, 4))
+    bounds[-1] = (1.0, 0.0, 0.0, NEAR)
+    for m in range(planes.shape[0]):
+        bounds[m, 3] = planes[m, 3]
+        for axis in range(3):
+            bounds[m, axis] = view[axis, 0] * planes[m, 0] + view[axis, 1] * planes[m, 1] + view[axis, 2] * planes[m, 2]
     for f in range(corners.shape[0]):
         a, b, c = corners[f, 0], corners[f, 1], corners[f, 2]
         # The side, from the volume with the viewpoint.
@@ -151,40 +163,86 @@ def draw(
         qx, qy, qz = points[b, 0] - px, points[b, 1] - py, points[b, 2] - pz
         rx, ry, rz = points[c, 0] - px, points[c, 1] - py, points[c, 2] - pz
         side = px * (qy * rz - qz * ry) + py * (qz * rx - qx * rz) + pz * (qx * ry - qy * rx)
-        if single[f] and side >= 0.0:
+        if single[f] and (side <= 0.0 if flipped else side >= 0.0):
             pixels[f] = -1
             continue
         behind = int(inverse[a] == 0.0) + int(inverse[b] == 0.0) + int(inverse[c] == 0.0)
         if behind == 3:
             continue
-        if behind == 0:
+        whole = behind == 0
+        for m in range(planes.shape[0]):
+            beyond = 0
+            for k in range(3):
+                p = corners[f, k]
+                at = planes[m, 0] * points[p, 0] + planes[m, 1] * points[p, 1] + planes[m, 2] * points[p, 2]
+                beyond += int(at < planes[m, 3])
+            whole = whole and beyond == 0
+            if beyond == 3:
+                behind = 3
+        if behind == 3:
+            continue
+        if whole:
             ax, ay = (left[a] - origin[0]) * scale, (up[a] - origin[1]) * scale
             bx, by = (left[b] - origin[0]) * scale, (up[b] - origin[1]) * scale
             cx, cy = (left[c] - origin[0]) * scale, (up[c] - origin[1]) * scale
-            pixels[f] += _fill(ax, ay, inverse[a], bx, by, inverse[b], cx, cy, inverse[c], first + f, nearest, items)
+            pixels[f] += _fill(ax, ay, inverse[a], bx, by, inverse[b], cx, cy, inverse[c], first + f, nearest, items,
+                               opened)  # fmt: skip
             continue
-        # Clip at the near plane, in view coordinates.
+        # Clip in view coordinates.
         for k in range(3):
             p = corners[f, k]
             for m in range(3):
                 polygon[k, m] = view[m, 0] * points[p, 0] + view[m, 1] * points[p, 1] + view[m, 2] * points[p, 2]
-        count = 0
-        for k in range(3):
-            n = (k + 1) % 3
-            if polygon[k, 0] > NEAR:
-                clipped[count] = polygon[k]
-                count += 1
-            if (polygon[k, 0] > NEAR) != (polygon[n, 0] > NEAR):
-                share = (NEAR - polygon[k, 0]) / (polygon[n, 0] - polygon[k, 0])
-                clipped[count] = polygon[k] + share * (polygon[n] - polygon[k])
-                clipped[count, 0] = NEAR
-                count += 1
+        count = 3
+        for m in range(bounds.shape[0]):
+            kept = 0
+            for k in range(count):
+                n = (k + 1) % count
+                here, there = -bounds[m, 3], -bounds[m, 3]
+                for axis in range(3):
+                    here += bounds[m, axis] * polygon[k, axis]
+                    there += bounds[m, axis] * polygon[n, axis]
+                if here > 0.0:
+                    clipped[kept] = polygon[k]
+                    kept += 1
+                if (here > 0.0) != (there > 0.0):
+                    share = here / (here - there)
+                    clipped[kept] = polygon[k] + share * (polygon[n] - polygon[k])
+                    kept += 1
+            count = kept
+            for k in range(count):
+                polygon[k] = clipped[k]
         for k in range(1, count - 1):
-            aw, bw, cw = 1.0 / clipped[0, 0], 1.0 / clipped[k, 0], 1.0 / clipped[k + 1, 0]
-            ax, ay = (clipped[0, 1] * aw - origin[0]) * scale, (clipped[0, 2] * aw - origin[1]) * scale
-            bx, by = (clipped[k, 1] * bw - origin[0]) * scale, (clipped[k, 2] * bw - origin[1]) * scale
-            cx, cy = (clipped[k + 1, 1] * cw - origin[0]) * scale, (clipped[k + 1, 2] * cw - origin[1]) * scale
-            pixels[f] += _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, first + f, nearest, items)
+            aw, bw = 1.0 / max(polygon[0, 0], NEAR), 1.0 / max(polygon[k, 0], NEAR)
+            cw = 1.0 / max(polygon[k + 1, 0], NEAR)
+            ax, ay = (polygon[0, 1] * aw - origin[0]) * scale, (polygon[0, 2] * aw - origin[1]) * scale
+            bx, by = (polygon[k, 1] * bw - origin[0]) * scale, (polygon[k, 2] * bw - origin[1]) * scale
+            cx, cy = (polygon[k + 1, 1] * cw - origin[0]) * scale, (polygon[k + 1, 2] * cw - origin[1]) * scale
+            pixels[f] += _fill(ax, ay, aw, bx, by, bw, cx, cy, cw, first + f, nearest, items, opened)
+
+
+@njit(cache=True, nogil=True)
+def in_window(corners: Any, view: Any, origin: Any, scale: float, window: Any) -> None:
+    """Set the pixels of a `window` (row, column) that show a convex polygon `corners` (corner, 3)."""
+    count = corners.shape[0]
+    # Inside is where all sides, planes through the viewpoint, have the sign of the polygon's middle.
+    sides, middle = np.empty((count, 3)), np.zeros(3)
+    for k in range(count):
+        middle += corners[k]
+    for k in range(count):
+        n = np.cross(corners[k], corners[(k + 1) % count])
+        if n[0] * middle[0] + n[1] * middle[1] + n[2] * middle[2] < 0.0:
+            n = -n
+        for axis in range(3):
+            sides[k, axis] = view[axis, 0] * n[0] + view[axis, 1] * n[1] + view[axis, 2] * n[2]
+    for j in range(window.shape[0]):
+        y = origin[1] + (j + 0.5) / scale
+        for i in range(window.shape[1]):
+            x, inside = origin[0] + (i + 0.5) / scale, True
+            for k in range(count):
+                inside = inside and sides[k, 0] + sides[k, 1] * x + sides[k, 2] * y >= 0.0
+            if inside:
+                window[j, i] = True
 
 
 @njit(cache=True, nogil=True)

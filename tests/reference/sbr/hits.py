@@ -12,7 +12,7 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import BLIND_GAP, RayScene
 from rfgen_sionna.tracing.curved.media import polarisation_bases, reflected_direction
-from rfgen_sionna.tracing.transmission.transmission import MAX_SLABS
+from rfgen_sionna.tracing.visibility.slab_layers import MAX_SLABS
 from tests.reference.sbr import lattice
 from tests.reference.sbr.media import SlabOptics
 from tests.reference.sbr.skin import RaySkin

@@ -38,10 +38,10 @@ from rfgen_sionna.radar.profile import is_number
 from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.tracing.curved.array_elements import ArrayElements, band_nodes, fit_over_band
 from rfgen_sionna.tracing.integral.propagation import phasors
-from rfgen_sionna.tracing.reflectors.planar_reflectors import mirror_weight
 from rfgen_sionna.tracing.relative_scene import to_world
+from rfgen_sionna.tracing.routes.planar_parts import mirror_weight
 from rfgen_sionna.tracing.tracer import Tracer
-from rfgen_sionna.tracing.transmission.transmission import MAX_SLABS
+from rfgen_sionna.tracing.visibility.slab_layers import MAX_SLABS
 from tests.reference.sbr import lattice
 from tests.reference.sbr.footprints import integrate, landed
 from tests.reference.sbr.guides import Marks
@@ -129,7 +129,7 @@ def shoot(
     curvature, and integrated by physical optics towards all elements; where the tracer has `transmission` they also go
     through slabs. Paths have two ways round: Tx sends by way of the tube and Rx sees the footprint, and the other way
     round. Both count half, but where just one of the first and the last surface is plane the mirror is the plane one,
-    and of two plane ones of unlike areas the larger (:mod:`rfgen_sionna.tracing.reflectors.planar_reflectors`).
+    and of two plane ones of unlike areas the larger (:mod:`rfgen_sionna.tracing.routes.planar_parts`).
 
     Tubes end sharply where mirrors do, however far from there they land. By way of three surfaces what lies between two
     walls is a mirror, too: of a plate, seen by a wall there and back, 7.9 dB (5 cm wide) to 2.5 dB (30 cm) too much

@@ -2,20 +2,14 @@
 
 import numpy as np
 import pytest
-import trimesh
 
 from rfgen_sionna._types import SPEED_OF_LIGHT
-from rfgen_sionna.radar import Radar
-from rfgen_sionna.scene import MeshActor
 from rfgen_sionna.scene.materials import material
 from rfgen_sionna.tracing.gains.expansion import TANGENTS, band_nodes, tangent_weights
 from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.integral.quadratic import SlopeOrder
-from rfgen_sionna.tracing.moving.interval import TraceInterval
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
-from rfgen_sionna.tracing.trace_run import TraceRun
-from rfgen_sionna.tracing.tracer import Tracer
 
 
 @pytest.mark.parametrize(("order", "count", "slopes"), TANGENTS)
@@ -110,66 +104,3 @@ def test_steady_frequencies_of_a_pair_agree_with_single_ones(bent):
         assert np.linalg.norm(error) < (2e-3 if number else 0.2 * (band / 78e9) ** 2) * level
         assert np.linalg.norm(error[:, index == 1]) < 1e-9 * level  # a difference over 1e-4 of the frequency
     assert not np.array_equal(together, one_by_one)
-
-
-def test_a_tangent_has_the_return_of_every_pair_over_the_band():
-    """A ball before the mmMesh array: two integrals per facet instead of nine, the same return within the tolerance."""
-    radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
-    mesh = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
-    ball = MeshActor.from_mesh(mesh, material="skin", position=(2, 0.4, 1.1), name="ball")
-    rtol = 1e-2
-    tracer = Tracer(None, radar, [ball], rtol)
-    run = tracer._follow(True)
-    tracer.trace(0.0, 0.0, TraceRun(run, True, None))
-    expansion, band = run._error_control.expansion, run._band
-    assert expansion.axes is not None
-    assert len(expansion.nodes) <= 3
-    rays = tracer.rays_at(0.0)
-    (visible,) = run._trace_visibility(
-        [0.0], TraceInterval(np.zeros(1), lambda t: [ball.vertices(t)], lambda t: rays, rays, lambda t: rays, [])
-    )
-    facets = visible.facets.take(np.flatnonzero(visible.fraction > 0))
-    weight = visible.fraction[visible.fraction > 0]
-    gains = band(facets, run._error_control._materials, expansion)
-    u = np.array([-1.0, -0.3, 0.6, 1.0])
-    for pair in ((0, 0), (2, 3), (1, 2)):
-        exact = band.at_probes(facets, run._error_control._materials, u, pair, facets.parts)
-        phasor = weight * np.exp(-2j * np.pi * np.mod(band.frequency(u)[:, None] * exact.tau, 1.0))
-        found = np.vander(u, expansion.order, increasing=True) @ gains[:, *pair]
-        truth = (exact.a * phasor).sum(axis=1)
-        assert np.abs((found * phasor).sum(axis=1) - truth).max() < rtol * np.abs(truth).mean()
-
-
-@pytest.mark.parametrize("shape", ["ball", "box"])
-def test_the_pieces_of_a_facet_sum_to_its_return(shape):
-    """Sixteen pieces with their own phases and patches: gains to the integral's error, slopes to a tenth."""
-    radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
-    mesh = ball if shape == "ball" else trimesh.creation.box((0.02, 0.06, 0.05))
-    actor = MeshActor.from_mesh(mesh, material="skin", position=(2, 0.2, 1.1), orientation=(0.02, 0.01, 0), name="it")
-    tracer = Tracer(None, radar, [actor], 1e-2)
-    run = tracer._follow(True)
-    tracer.trace(0.0, 0.0, TraceRun(run, True, None))
-    rays = tracer.rays_at(0.0)
-    (visible,) = run._trace_visibility(
-        [0.0], TraceInterval(np.zeros(1), lambda t: [actor.vertices(t)], lambda t: rays, rays, lambda t: rays, [])
-    )
-    facets = visible.facets.take(np.flatnonzero(visible.fraction > 0))
-    points, faces = np.eye(3), np.arange(3)[None]
-    for _ in range(2):
-        points, faces = trimesh.remesh.subdivide(points, faces)
-    parts = points[faces]
-    count = len(parts)
-    owner = np.repeat(np.arange(len(facets)), count)
-    pieces = facets.cut(owner, np.tile(parts, (len(facets), 1, 1)))
-    identity = np.stack([pieces.number, pieces.place], axis=1)
-    assert len(np.unique(identity, axis=0)) == len(pieces)  # rough ones have phases of their own
-    each = run._band.values(
-        pieces, run._error_control._materials, run._error_control.expansion, facets.centroids[owner]
-    )
-    whole = run._band.values(facets, run._error_control._materials, run._error_control.expansion)
-    summed = each.reshape(len(whole), len(facets), count).sum(axis=2)
-    nodes = len(run._error_control.expansion.nodes)
-    for number, (value, expected) in enumerate(zip(summed, whole, strict=True)):
-        allowed = 0.005 if number < nodes else 0.1  # gains, and their slopes
-        assert np.abs(value - expected).max() < allowed * np.abs(expected).max()

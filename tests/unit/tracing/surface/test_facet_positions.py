@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from rfgen_sionna.scene.mesh import corner_columns, face_normals
-from rfgen_sionna.tracing.moving.representative_faces import _estimated_returns
+from rfgen_sionna.scene.mesh import face_normals
 from rfgen_sionna.tracing.surface.facet_positions import place_facets
-from rfgen_sionna.tracing.surface.resolution import FACET_BULGE
 from rfgen_sionna.tracing.surface.return_estimates import (
     estimate_returns,
-    mean_phasor,
-    solid_angles,
-    width_and_distance,
 )
 from rfgen_sionna.tracing.surface.tessellate import NO_FACETS, Tessellation, tessellate
 
@@ -80,19 +75,3 @@ def test_no_facets():
     found = place_facets(NO_FACETS, FACES, times(2), RADAR, WAVENUMBER)
     assert found.corners.shape == (2, 0, 3, 3)
     assert found.towards.shape == found.return_estimate.shape == (2, 0)
-
-
-@pytest.mark.parametrize("subdivisions", [1, 2, 0])
-def test_estimated_returns_agree_with_numpy(subdivisions):
-    coarse = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.3)
-    vertices, faces = np.asarray(coarse.vertices), coarse.faces.astype(np.int32)
-    for some in (faces, faces[:1], faces[3:5]):
-        strength, angle = _estimated_returns(vertices, some, RADAR, WAVENUMBER)
-        corners = corner_columns(vertices - RADAR, some)
-        width, near = width_and_distance(corners)
-        share = np.sqrt(np.minimum(8 * FACET_BULGE * near / (WAVENUMBER * width**2), 1.0))
-        assert (share < 1).any() or subdivisions == 2
-        assert np.allclose(angle, solid_angles(corners), rtol=1e-9)
-        truth = np.abs(angle) * share * mean_phasor(corners, 0.5 * WAVENUMBER * share)
-        assert np.allclose(strength, truth, rtol=1e-9)
-    assert [len(each) for each in _estimated_returns(vertices, faces[:0], RADAR, WAVENUMBER)] == [0, 0]

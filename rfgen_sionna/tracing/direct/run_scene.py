@@ -1,0 +1,130 @@
+"""Moving surfaces of a run, and the radar that sees them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths
+from rfgen_sionna.tracing.direct.expansion_choice import node_table
+from rfgen_sionna.tracing.direct.samples import (
+    GainNodes,
+    Positions,
+    Sampler,
+)
+from rfgen_sionna.tracing.direct.settings import Settings
+from rfgen_sionna.tracing.gains.band import MONOSTATIC, BandTracer
+from rfgen_sionna.tracing.gains.diffuse import grain_of
+from rfgen_sionna.tracing.integral.fresnel import media_table
+from rfgen_sionna.tracing.integral.obliquity import Media
+from rfgen_sionna.tracing.routes.slab_scene import SlabScene
+from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
+from rfgen_sionna.tracing.surface.surfaces import Surface, tolerance_groups
+from rfgen_sionna.tracing.surface.tessellate import tessellate
+
+FINE_PARALLAX, COARSE_PARALLAX, FINE_RTOL = 0.1, 0.5, 0.03
+"""Shift of a shadow boundary at the outermost elements over the Fresnel zone above which each node has its own
+visibility: up to the tolerance given third, and above."""
+RANGE_MARGIN = 1.1
+"""Range of tessellation over the range window: facets may enter it during the run."""
+
+
+@dataclass(frozen=True)
+class RunScene:
+    """Moving surfaces of a run, and the radar that sees them."""
+
+    surfaces: tuple[Surface, ...]
+    band: BandTracer
+    max_range: float
+    rtol: float
+    positions: Positions
+    static: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    """(facet, 3, 3) corners [m] of visible facets at rest, relative to the viewpoint."""
+    slabs: SlabScene | None = None
+    """Slabs that transmit; None means that all surfaces occlude."""
+    group: IntArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "group", tolerance_groups(self.surfaces))
+
+    @property
+    def wavelength(self) -> float:
+        """At the middle of the band [m]."""
+        return SPEED_OF_LIGHT / self.band.centre
+
+    @property
+    def wavenumber(self) -> float:
+        """Largest wavenumber [rad/m]."""
+        return 2 * np.pi * self.band.highest / SPEED_OF_LIGHT
+
+    def mesh(self, vertices: Sequence[FloatArray], rtol: float) -> FacetMesh:
+        """Facets fine enough for `vertices` (vertex, 3) [m] of each surface and a tolerance `rtol`."""
+        band = self.band
+        pieces = [
+            tessellate(
+                points, surface.faces, band.viewpoint, band.highest, rtol, band.pattern_gain,
+                RANGE_MARGIN * self.max_range, band.half_band, smooth=surface.smooth, grain=grain_of(surface),
+            )
+            for points, surface in zip(vertices, self.surfaces, strict=True)
+        ]  # fmt: skip
+        return FacetMesh.of(self.surfaces, pieces, [len(points) for points in vertices])
+
+    def sampler(self, mesh: FacetMesh, settings: Settings) -> Sampler:
+        """Samples a `mesh` with these `settings`."""
+        known = self.positions, self.band.viewpoint, self.max_range
+        return Sampler(mesh, *known, settings.resolution, self.static, self.slabs)
+
+    def nodes(self, table: FloatArray, nearest: float, parallax: bool) -> GainNodes:
+        """Nodes of a `table` (node, 7) for facets that are `nearest` [m] at least, each with its own visibility where
+        the `parallax` of the array counts."""
+        band = self.band
+        frequency = table[:, 6] * SPEED_OF_LIGHT / (2 * np.pi)
+        media = media_table(Media.at([each.material for each in self.surfaces], frequency, band.half_band))
+        monostatic = band.alike and band.baseline**2 < MONOSTATIC * self.rtol * nearest**2
+        places = np.zeros((1, 3))
+        place: IntArray = np.zeros(len(table), np.int32)
+        if parallax:
+            places, number = np.unique(0.5 * (table[:, :3] + table[:, 3:6]), axis=0, return_inverse=True)
+            place = number.reshape(-1).astype(np.int32)
+        return GainNodes(np.ascontiguousarray(table), media, np.stack(band.fields), not monostatic, places, place)
+
+    def has_parallax(self, poses: Sequence[Sequence[FloatArray]]) -> bool:
+        """Whether shadow boundaries move between elements by a share of a Fresnel zone that counts, for positions
+        (vertex, 3) [m] of the surfaces in some `poses`; not through slabs."""
+        if self.slabs is not None:
+            return False
+        away = [lengths(points - self.band.viewpoint) for pose in poses for points in pose if len(points)]
+        if not away:
+            return False
+        moving = len(away)
+        if len(self.static):
+            away.append(lengths(self.static.reshape(-1, 3)))
+        near = max(min(float(each.min()) for each in away), 1e-3)
+        far = max(float(each.max()) for each in away[:moving])
+        if far <= near:
+            return False
+        zone = np.sqrt(SPEED_OF_LIGHT / self.band.highest * near * (far - near) / (2.0 * far))
+        share = FINE_PARALLAX if self.rtol <= FINE_RTOL else COARSE_PARALLAX
+        return bool(0.5 * self.band.aperture * (far - near) / near > share * zone)
+
+    def distances(self, vertices: Sequence[FloatArray]) -> list[float]:
+        """Distance [m] of the nearest of the `vertices` (vertex, 3) [m] of each surface."""
+        return [float(lengths(points - self.band.viewpoint).min(initial=np.inf)) for points in vertices]
+
+    def probe_nodes(self, u: FloatArray, pairs: IntArray) -> FloatArray:
+        """(probe, 7) table of element `pairs` (probe,) at positions `u` (probe,) of the band."""
+        return node_table(self.band.expansions.nodes(u, pairs))
+
+    def gradient(self, centroids: FloatArray, needed: bool) -> FloatArray:
+        """(facet, 3) gradient of the logarithm of the pattern gain at `centroids` (facet, 3) [m]; empty where it is not
+        `needed` or zero."""
+        found = self.band.pattern_gradients(centroids) if needed and len(centroids) else None
+        return np.zeros((0, 3)) if found is None else found
+
+    def pattern(self, centroids: FloatArray) -> FloatArray:
+        """(facet,) two-way field gain over its peak towards `centroids` (facet, 3) [m] relative to the viewpoint."""
+        away = np.maximum(lengths(centroids), 1e-12)
+        return self.band.pattern_gain(centroids / away[:, None])

@@ -1,1 +1,0 @@
-"""Ghosts: returns of moving surfaces via plane mirrors of the static scene."""

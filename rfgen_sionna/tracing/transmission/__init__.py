@@ -1,1 +1,0 @@
-"""Legs through slabs: walls, glass, clothing."""
