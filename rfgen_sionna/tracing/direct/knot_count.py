@@ -33,9 +33,9 @@ _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _LOG = logging.getLogger(__name__)
 
 
-def with_knots(plan: TracePlan, starts: Sequence[float], length: float) -> TracePlan:
-    """The plan with the fewest knots per interval of `length` [s] that meet the tolerance in intervals from
-    `starts`."""
+def with_knots(plan: TracePlan, alone: TracePlan, starts: Sequence[float], length: float) -> TracePlan:
+    """The plan with the fewest knots per interval of `length` [s] that meet the tolerance in intervals from `starts`;
+    `alone` is the same for the first pair in the middle of the band."""
     allowed, before = TIME_PER_RTOL * plan.scene.rtol, np.inf
     scene = plan.scene
     tx, rx = scene.band.elements
@@ -44,7 +44,7 @@ def with_knots(plan: TracePlan, starts: Sequence[float], length: float) -> Trace
     given = length, scene.wavenumber, tolerance, first_count(plan, length)
     count = max(count_knots(scene.positions, pairs, start, *given)[0] for start in starts)
     while True:
-        measured = [_time_error(plan, start, length, count) for start in starts]
+        measured = [_time_error(alone, start, length, count) for start in starts]
         missed, predicted, level = (np.sqrt(np.mean(np.square(each), axis=0)) for each in zip(*measured, strict=True))
         error, guess = (float(share_of(each, level).max(initial=0.0)) for each in (missed, predicted))
         # Gains of large flat facets that turn fast converge late, errors near the tolerance may be those of visibility.

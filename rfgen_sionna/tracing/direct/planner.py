@@ -30,8 +30,8 @@ MAX_ROUNDS = 4
 """Largest number of refinements; then a warning reports the error."""
 EXPANSION_SHARE = 0.7
 """Share of the tolerance for an expansion."""
-EXPANSION_FACETS = 80.0
-"""Number of strongest facets of an actor that decide on an expansion, times the tolerance."""
+EXPANSION_FACETS, MOST_FACETS = 80.0, 2000
+"""Number of strongest facets of an actor that decide on an expansion, times the tolerance; and the largest number."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -49,7 +49,7 @@ def plan_run(scene: RunScene, start: float, stop: float, length: float, cull: bo
     plan = planner.plan(*planner.settings(Settings.of(scene.rtol)))
     plan = replace(plan, surface=planner.surface_error(plan))
     starts = sorted({min(t, max(stop - length, start)) for t in probes})
-    return plan if length <= 0 else with_knots(plan, starts, length)
+    return plan if length <= 0 else with_knots(plan, planner.without_expansion(plan.settings), starts, length)
 
 
 class Planner:
@@ -68,6 +68,7 @@ class Planner:
         self._scene, self._closest, self._probes, self._cull = scene, closest, probes, cull
         self._of_surfaces, self._nearest = nearest, float(nearest.min(initial=np.inf))
         self._plans: dict[Settings, TracePlan] = {}
+        self._plain: dict[Settings, TracePlan] = {}
         band = scene.band
         pairs = len(band.elements[0]) * len(band.elements[1])
         self._pairs = np.repeat(np.unique([0, pairs - 1]), len(PROBES)).astype(np.int32)
@@ -93,23 +94,28 @@ class Planner:
     def plan(self, settings: Settings, error: FloatArray | float = 0.0) -> TracePlan:
         """Plan with these `settings`, for single times."""
         if settings not in self._plans:
+            self._plans[settings] = self._with_expansion(self.without_expansion(settings))
+        return replace(self._plans[settings], error=float(np.max(error, initial=0.0)))
+
+    def without_expansion(self, settings: Settings) -> TracePlan:
+        """Plan with the gains of the first pair in the middle of the band alone."""
+        if settings not in self._plain:
             scene = self._scene
             mesh = scene.mesh(self._closest, settings.facet_rtol)
             centre = self.nodes(scene.probe_nodes(np.zeros(1), np.zeros(1, np.int32)))
             expansion = scene.band.expansions.through([(0, 0, 0, 0, 0)])
             steep = scene.rtol < 0.03 or not all(each.smooth for each in scene.surfaces)
-            plan = TracePlan(
+            self._plain[settings] = TracePlan(
                 scene=scene, settings=settings, mesh=mesh, material=mesh.surface, expansion=expansion, nodes=centre,
                 steep=steep, error=0.0, knots=1, time_error=0.0, time_scale=0.0, cull=self._cull,
                 nearest=self._of_surfaces, level=np.zeros(len(scene.group)), surface=0.0,
             )  # fmt: skip
-            self._plans[settings] = self._with_expansion(plan)
-        return replace(self._plans[settings], error=float(np.max(error, initial=0.0)))
+        return self._plain[settings]
 
     def _error(self, settings: Settings) -> FloatArray:
         """(group,) error of the returns with `settings` against finer ones, relative to the larger of each return and
         that at the other times."""
-        coarse, fine = self.plan(settings), self.plan(settings.finer())
+        coarse, fine = self.plan(settings), self.without_expansion(settings.finer())
         missed, level, strongest = np.zeros((3, len(self._scene.group)))
         for t in self._probes:
             one, single = self._returns(coarse, t, True)
@@ -184,7 +190,7 @@ class _Check:
         chosen = plan.choose([sample])
         values, centroids = plan.values(sample, chosen)
         strength, group = np.abs(values[0]) * scene.pattern(centroids), scene.group[plan.mesh.facet_surface[chosen]]
-        most = int(EXPANSION_FACETS / scene.rtol)
+        most = min(int(EXPANSION_FACETS / scene.rtol), MOST_FACETS)
         by_group = [np.flatnonzero(group == number) for number in np.unique(group)]
         few = np.sort(
             np.concatenate([np.zeros(0, np.intp), *(own[np.argsort(-strength[own])[:most]] for own in by_group)])

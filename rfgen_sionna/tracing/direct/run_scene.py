@@ -96,19 +96,28 @@ class RunScene:
         (vertex, 3) [m] of the surfaces in some `poses`; not through slabs."""
         if self.slabs is not None:
             return False
-        away = [lengths(points - self.band.viewpoint) for pose in poses for points in pose if len(points)]
-        if not away:
+        moving = [points - self.band.viewpoint for pose in poses for points in pose if len(points)]
+        if not moving:
             return False
-        moving = len(away)
-        if len(self.static):
-            away.append(lengths(self.static.reshape(-1, 3)))
-        near = max(min(float(each.min()) for each in away), 1e-3)
-        far = max(float(each.max()) for each in away[:moving])
+        near = max(min(float(lengths(each).min()) for each in moving), 1e-3)
+        far = max(float(lengths(each).max()) for each in moving)
+        before = [float(lengths(some).min()) for some in (self._in_front(each) for each in moving) if len(some)]
+        near = max(min([near, *before]), 1e-3)
         if far <= near:
             return False
         zone = np.sqrt(SPEED_OF_LIGHT / self.band.highest * near * (far - near) / (2.0 * far))
         share = FINE_PARALLAX if self.rtol <= FINE_RTOL else COARSE_PARALLAX
         return bool(0.5 * self.band.aperture * (far - near) / near > share * zone)
+
+    def _in_front(self, points: FloatArray) -> FloatArray:
+        """(corner, 3) corners [m] of facets at rest in the cone around `points` (point, 3) [m] and before them, both
+        relative to the viewpoint."""
+        corners = self.static.reshape(-1, 3)
+        away, to = lengths(corners), points.mean(axis=0)
+        to /= max(float(np.linalg.norm(to)), 1e-12)
+        narrowest = float((points @ to / np.maximum(lengths(points), 1e-12)).min())
+        inside = (corners @ to >= narrowest * away) & (away < lengths(points).max())
+        return corners[inside]
 
     def distances(self, vertices: Sequence[FloatArray]) -> list[float]:
         """Distance [m] of the nearest of the `vertices` (vertex, 3) [m] of each surface."""
