@@ -36,6 +36,8 @@ from rfgen_sionna.tracing.integral.phasor_moments import FAST, mean_phasor
 
 MAX_PARTS = 8
 """Largest number of pieces along an edge."""
+LEAST_TURN = 0.03
+"""Turn of the normal against the line of sight over a facet [rad] from which its obliquity is linear."""
 _POINTS = (2 * MAX_PARTS + 1) * (MAX_PARTS + 1)
 
 
@@ -98,15 +100,15 @@ def patch_gains(
     most_sagitta
         Largest quadratic phase [rad] in the middle of an edge of a piece.
     most_turn
-        Largest turn of the normal against the line of sight over a piece [rad]; each piece has its own obliquity. 0
-        takes that of the middle for the whole facet.
+        Largest turn of the normal against the line of sight over a piece [rad]; the obliquity is linear on each piece.
+        0 takes that of the middle for the whole facet, as it is where it hardly turns.
     gradient
         (chosen, 3) gradient of the logarithm of the pattern gain [1/m]; empty means none.
     legs
         :class:`rfgen_sionna.tracing.integral.leg_fields.LegTables` of both legs: `nodes` and `fields` are then those of
         images. Facets are clipped to its `planes`.
     """
-    path, weight = np.empty(_POINTS), np.empty(_POINTS)
+    path, weight, strengths = np.empty(_POINTS), np.empty(_POINTS), np.empty(_POINTS, np.complex128)
     mirrored, planes = legs.mirrors[0] + legs.mirrors[1] > 0, legs.planes
     views = (
         (legs.views[0, 0], legs.views[0, 1], legs.views[0, 2]), (legs.views[1, 0], legs.views[1, 1], legs.views[1, 2])
@@ -208,6 +210,7 @@ def patch_gains(
                         spread = spread / max(norm(plus(unit(minus(top, here)), unit(minus(top, there)))), MIN_DISTANCE)
                     slabs = _slab_path(legs, q, top, here, there) if routed else 0.0
                     parts = 1
+                    own = turn > LEAST_TURN and not routed
                     for attempt in range(2):
                         m, scale = 0, -side * share * spread / parts**2
                         for row in range(2 * parts + 1):
@@ -240,7 +243,6 @@ def patch_gains(
                             parts = min(max(parts, 1), MAX_PARTS)
                             if parts == 1:
                                 break
-                own = most_turn > 0.0 and parts > 1 and not routed
                 strength = 1.0 + 0j
                 if routed:
                     strength = leg_obliquity(
@@ -253,6 +255,19 @@ def patch_gains(
                         media[n, material[face]], wavenumber, facing, top, (nodes[n, 0], nodes[n, 1], nodes[n, 2]),
                         (nodes[n, 3], nodes[n, 4], nodes[n, 5]), tx_field, rx_field, bistatic,
                     )  # fmt: skip
+                if own:  # at the corners, at the distance of the facet's middle
+                    for row in range(parts + 1):
+                        for column in range(parts + 1 - row):
+                            x, y, m = row / parts, column / parts, _place(2 * parts, 2 * row, 2 * column)
+                            place = plus(plus(scaled(one, 1.0 - x - y), scaled(two, x)), scaled(three, y))
+                            offset = minus(on_patch(a, b, c, r, s, t, place), element)
+                            strengths[m] = weight[m] * obliquity(
+                                media[n, material[face]], wavenumber,
+                                unit(scaled(area_element(a, b, c, r, s, t, place), side)),
+                                plus(element, scaled(offset, distance / max(norm(offset), MIN_DISTANCE))),
+                                (nodes[n, 0], nodes[n, 1], nodes[n, 2]), (nodes[n, 3], nodes[n, 4], nodes[n, 5]),
+                                tx_field, rx_field, bistatic,
+                            )  # fmt: skip
                 total = 0j
                 double = 2 * parts
                 for row in range(0, double, 2):
@@ -270,19 +285,16 @@ def patch_gains(
                             m0 = _place(double, (x1 + x2) // 2, (y1 + y2) // 2)
                             m1 = _place(double, (x2 + x0) // 2, (y2 + y0) // 2)
                             m2 = _place(double, (x0 + x1) // 2, (y0 + y1) // 2)
-                            factor_here = 1.0 + 0j
-                            if own:  # of the piece, at the distance of the facet's middle
-                                x, y = (x0 + x1 + x2) / (3.0 * double), (y0 + y1 + y2) / (3.0 * double)
-                                place = plus(plus(scaled(one, 1.0 - x - y), scaled(two, x)), scaled(three, y))
-                                offset = minus(on_patch(a, b, c, r, s, t, place), element)
-                                factor_here = obliquity(
-                                    media[n, material[face]], wavenumber,
-                                    unit(scaled(area_element(a, b, c, r, s, t, place), side)),
-                                    plus(element, scaled(offset, distance / max(norm(offset), MIN_DISTANCE))),
-                                    (nodes[n, 0], nodes[n, 1], nodes[n, 2]), (nodes[n, 3], nodes[n, 4], nodes[n, 5]),
-                                    tx_field, rx_field, bistatic,
+                            if own:
+                                total += mean_phasor(
+                                    wavenumber * path[i0], wavenumber * path[i1], wavenumber * path[i2],
+                                    strengths[i0], strengths[i1], strengths[i2],
+                                    wavenumber * (0.5 * (path[i1] + path[i2]) - path[m0]),
+                                    wavenumber * (0.5 * (path[i2] + path[i0]) - path[m1]),
+                                    wavenumber * (0.5 * (path[i0] + path[i1]) - path[m2]),
                                 )  # fmt: skip
-                            total += factor_here * mean_phasor(
+                                continue
+                            total += mean_phasor(
                                 wavenumber * path[i0], wavenumber * path[i1], wavenumber * path[i2],
                                 weight[i0], weight[i1], weight[i2],
                                 wavenumber * (0.5 * (path[i1] + path[i2]) - path[m0]),
