@@ -23,10 +23,10 @@ from rfgen_sionna.tracing.direct.run_scene import RunScene
 from rfgen_sionna.tracing.direct.trace_plan import TracePlan
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.integral.slabs import warn_of_late_reflections
+from rfgen_sionna.tracing.legs.slab_scene import SlabScene
 from rfgen_sionna.tracing.relative_scene import RelativeObject, by_material, relative_objects, to_world
 from rfgen_sionna.tracing.report import Traced, TraceReport
 from rfgen_sionna.tracing.routes.route_trace import RouteTracer
-from rfgen_sionna.tracing.routes.slab_scene import SlabScene
 from rfgen_sionna.tracing.static.actor_shadows import IndirectShadows, Shadow
 from rfgen_sionna.tracing.static.static_curved import StaticCurvedReflections, trace_static_curved
 from rfgen_sionna.tracing.static.static_routes import StaticRoutes, trace_static_routes

@@ -10,11 +10,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from rfgen_sionna.tracing.moving.moving_visibility import silhouette_ray_spacing
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray
 from rfgen_sionna.tracing import tracer
 from rfgen_sionna.tracing.gains import band as gains
-from rfgen_sionna.tracing.moving.moving_visibility import silhouette_ray_spacing
 from rfgen_sionna.tracing.shadows import adaptive_sampling as sampling
 from rfgen_sionna.tracing.shadows.silhouettes import FacetLocator, MeshSilhouette, SilhouetteRays
 from rfgen_sionna.tracing.surface.facets import stack_facets

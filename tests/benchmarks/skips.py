@@ -18,6 +18,11 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
+from rfgen_sionna.tracing.ghosts import ghosts
+from rfgen_sionna.tracing.moving import moving_visibility as sight
+from rfgen_sionna.tracing.moving import sample_times as instants
+from rfgen_sionna.tracing.reflectors import planar_reflections as bounces
+from rfgen_sionna.tracing.transmission import transmission as veils
 
 from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Radar
@@ -25,10 +30,6 @@ from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.tracing import tracer
 from rfgen_sionna.tracing.gains import band as gains
-from rfgen_sionna.tracing.ghosts import ghosts
-from rfgen_sionna.tracing.moving import moving_visibility as sight
-from rfgen_sionna.tracing.moving import sample_times as instants
-from rfgen_sionna.tracing.reflectors import planar_reflections as bounces
 from rfgen_sionna.tracing.shadows import adaptive_sampling as sampling
 from rfgen_sionna.tracing.shadows import mirror_visibility as visibility
 from rfgen_sionna.tracing.shadows import visible_polygons as shadow_lines
@@ -37,7 +38,6 @@ from rfgen_sionna.tracing.static import static_facets
 from rfgen_sionna.tracing.static import static_reflections as static_bounces
 from rfgen_sionna.tracing.static import static_trace as static
 from rfgen_sionna.tracing.surface import tessellate
-from rfgen_sionna.tracing.transmission import transmission as veils
 from tests.benchmarks.measuring import default_rtol, timed
 from tests.benchmarks.subjects import SPEED, ball, standing
 

@@ -44,7 +44,7 @@ class CurvedMirror:
 
 
 @dataclass(frozen=True)
-class Route:
+class CurvedRoute:
     """Paths from the phase centre to points."""
 
     mirrors: tuple[CurvedMirror, ...]
@@ -70,7 +70,7 @@ class ArrivingWave:
     """(lane, 2 m, 2 m) second derivatives of the length [1/m] over the points on m mirrors, along their `tangents`."""
 
 
-def arriving_wave(element: FloatArray, route: Route, optics: SurfaceOptics) -> ArrivingWave:
+def arriving_wave(element: FloatArray, route: CurvedRoute, optics: SurfaceOptics) -> ArrivingWave:
     """Wave at the route's points of an `element` (3,), or of one per point (lane, 3) [m]."""
     mirrors, end = route.mirrors, route.point
     legs: tuple[FloatArray, ...]
@@ -119,7 +119,7 @@ def arriving_wave(element: FloatArray, route: Route, optics: SurfaceOptics) -> A
 
 
 def polarised_field(
-    field: FloatArray, arrival: ArrivingWave, route: Route, optics: SurfaceOptics, frequency: float
+    field: FloatArray, arrival: ArrivingWave, route: CurvedRoute, optics: SurfaceOptics, frequency: float
 ) -> ComplexArray:
     """(lane, 3) complex field at the points, without the phase of the length, for an element with field direction
     `field` (3,) of unit strength at 1 m in all directions; `frequency` [Hz]."""

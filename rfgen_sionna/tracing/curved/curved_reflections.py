@@ -20,7 +20,7 @@ from rfgen_sionna.records import PathKind, RadarPaths, interpolate_knots, knot_w
 from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.curved.array_elements import ArrayElements, band_nodes, fit_over_band
-from rfgen_sionna.tracing.curved.arriving_waves import ArrivingWave, Route, polarised_field
+from rfgen_sionna.tracing.curved.arriving_waves import ArrivingWave, CurvedRoute, polarised_field
 from rfgen_sionna.tracing.curved.double_bounce_search import DoubleBounceSearch
 from rfgen_sionna.tracing.curved.double_bounces import DoubleBounces, match_points
 from rfgen_sionna.tracing.curved.media import SurfaceOptics
@@ -214,7 +214,7 @@ class CurvedReflections:
             off[number] = 2.0 * float(np.linalg.norm(own * stationary_phase_error[lane]))
         return found, off
 
-    def _received(self, arrival: ArrivingWave, route: Route, frequency: float) -> ComplexArray:
+    def _received(self, arrival: ArrivingWave, route: CurvedRoute, frequency: float) -> ComplexArray:
         """(double bounce,) gain without the propagation phase."""
         send, receive = self._elements.fields
         field = polarised_field(send, arrival, route, self._optics, frequency)

@@ -17,7 +17,7 @@ from scipy.special import airy
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.mesh import lengths
-from rfgen_sionna.tracing.curved.arriving_waves import ArrivingWave, CurvedMirror, Route, arriving_wave, tangents
+from rfgen_sionna.tracing.curved.arriving_waves import ArrivingWave, CurvedMirror, CurvedRoute, arriving_wave, tangents
 from rfgen_sionna.tracing.curved.media import SurfaceOptics
 from rfgen_sionna.tracing.curved.smoothed_surface import SmoothedSurface
 
@@ -71,14 +71,14 @@ class DoubleBounces:
 
     def arrival(
         self, surface: IntArray, tx: FloatArray, rx: FloatArray, optics: SurfaceOptics
-    ) -> tuple[ArrivingWave, Route]:
+    ) -> tuple[ArrivingWave, CurvedRoute]:
         """Waves of elements at `tx` (double bounce, 3) that arrive at `rx` (double bounce, 3) [m] by the first point,
         then the second, and their routes; `surface` (face,) is the surface of each face."""
         of = surface[self.facet]
         mirrors = tuple(
             CurvedMirror(self.point[:, i], self.normal[:, i], self.curvature[:, i], of[:, i]) for i in range(2)
         )
-        route = Route(mirrors, np.broadcast_to(rx, (len(self), 3)))
+        route = CurvedRoute(mirrors, np.broadcast_to(rx, (len(self), 3)))
         return arriving_wave(tx, route, optics), route
 
     @staticmethod

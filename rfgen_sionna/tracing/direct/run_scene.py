@@ -20,7 +20,7 @@ from rfgen_sionna.tracing.gains.band import MONOSTATIC, BandTracer
 from rfgen_sionna.tracing.gains.diffuse import grain_of
 from rfgen_sionna.tracing.integral.fresnel import media_table
 from rfgen_sionna.tracing.integral.obliquity import Media
-from rfgen_sionna.tracing.routes.slab_scene import SlabScene
+from rfgen_sionna.tracing.legs.slab_scene import SlabScene
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.surface.surfaces import Surface, tolerance_groups
 from rfgen_sionna.tracing.surface.tessellate import tessellate

@@ -14,9 +14,9 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArr
 from rfgen_sionna.tracing.direct.facet_bounds import bound_returns, significant
 from rfgen_sionna.tracing.integral.leg_fields import LegTables
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
-from rfgen_sionna.tracing.routes.leg_visibility import Crossings, see_along
-from rfgen_sionna.tracing.routes.legs import Leg
-from rfgen_sionna.tracing.routes.slab_scene import SlabScene
+from rfgen_sionna.tracing.legs.leg import Leg
+from rfgen_sionna.tracing.legs.leg_visibility import Crossings, see_along
+from rfgen_sionna.tracing.legs.slab_scene import SlabScene
 from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.visibility.item_buffer import (
     NO_CUTS,

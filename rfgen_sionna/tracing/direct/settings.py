@@ -37,7 +37,9 @@ class Settings:
         """For a relative error `rtol` of each actor's return."""
         return Settings(
             facet_rtol=rtol,
-            resolution=Resolution(min(4.0 * (0.1 / rtol) ** 1.3, MOST_PER_FACET), int(min(256 * np.sqrt(0.1 / rtol), MAX_OUTLINE))),
+            resolution=Resolution(
+                min(4.0 * (0.1 / rtol) ** 1.3, MOST_PER_FACET), int(min(256 * np.sqrt(0.1 / rtol), MAX_OUTLINE))
+            ),
             sagitta=float(np.clip(0.75 * np.sqrt(10.0 * rtol), 0.02, 0.75)),
             turn=0.0 if rtol > FINE_RTOL else float(np.clip(6.0 * np.sqrt(rtol), 0.1, 0.6)),
             omitted=float(min(0.625 * rtol**3, 1e-3)),

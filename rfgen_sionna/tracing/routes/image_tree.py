@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.tracing.integral.fresnel import reflection
-from rfgen_sionna.tracing.routes.legs import Leg, cone
+from rfgen_sionna.tracing.legs.leg import Leg, cone
 from rfgen_sionna.tracing.routes.reflectors import Plate
 
 LegKey = tuple[int, ...]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.tracing.routes.legs import Mirror
+from rfgen_sionna.tracing.legs.leg import Mirror
 from rfgen_sionna.tracing.routes.planar_parts import (
     FLATNESS,
     UNBOUNDED,

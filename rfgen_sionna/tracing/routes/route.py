@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import ComplexArray, FloatArray
 from rfgen_sionna.tracing.gains.expansion import Expansion
-from rfgen_sionna.tracing.routes.leg_visibility import Crossings
-from rfgen_sionna.tracing.routes.legs import Leg
+from rfgen_sionna.tracing.legs.leg import Leg
+from rfgen_sionna.tracing.legs.leg_visibility import Crossings
 
 
 @dataclass(frozen=True, eq=False)

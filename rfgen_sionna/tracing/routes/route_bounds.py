@@ -11,8 +11,8 @@ from rfgen_sionna._types import FloatArray
 from rfgen_sionna.tracing.direct.facet_bounds import bound_returns, significant
 from rfgen_sionna.tracing.direct.samples import Sample
 from rfgen_sionna.tracing.direct.trace_plan import TracePlan
+from rfgen_sionna.tracing.legs.leg import Leg
 from rfgen_sionna.tracing.routes.image_tree import OMITTED_SHARE, LegKey, ReturnBounds, RouteKey, leg_of
-from rfgen_sionna.tracing.routes.legs import Leg
 from rfgen_sionna.tracing.routes.reflectors import Plate
 from rfgen_sionna.tracing.routes.route import Route
 

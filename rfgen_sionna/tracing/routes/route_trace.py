@@ -20,6 +20,8 @@ from rfgen_sionna.tracing.gains.expansion import Expansion
 from rfgen_sionna.tracing.integral.fresnel import media_table
 from rfgen_sionna.tracing.integral.leg_fields import MAX_MIRRORS, LegTables
 from rfgen_sionna.tracing.integral.obliquity import Media
+from rfgen_sionna.tracing.legs.leg import Leg
+from rfgen_sionna.tracing.legs.leg_visibility import Crossings, LegOccluders, see_along
 from rfgen_sionna.tracing.routes.image_tree import (
     LegKey,
     ReturnBounds,
@@ -27,8 +29,6 @@ from rfgen_sionna.tracing.routes.image_tree import (
     leg_of,
     significant_routes,
 )
-from rfgen_sionna.tracing.routes.leg_visibility import Crossings, Occluders, see_along
-from rfgen_sionna.tracing.routes.legs import Leg
 from rfgen_sionna.tracing.routes.reflectors import Plate, Reflectors
 from rfgen_sionna.tracing.routes.route import Route, RouteReturns
 from rfgen_sionna.tracing.routes.route_bounds import raise_bounds, significant_facets, strong_routes
@@ -65,9 +65,9 @@ class RouteTracer:
         return np.concatenate([np.zeros((0, 3, 3)), *found])
 
     @cached_property
-    def _whole(self) -> Occluders:
+    def _whole(self) -> LegOccluders:
         """All surfaces, of which none transmits."""
-        return Occluders(self._occluders)
+        return LegOccluders(self._occluders)
 
     def trace(
         self, plan: TracePlan, times: FloatArray, samples: Sequence[Sample], level: FloatArray

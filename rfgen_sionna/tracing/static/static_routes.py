@@ -14,7 +14,7 @@ from rfgen_sionna.records import RadarPaths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.direct.run_scene import RunScene
 from rfgen_sionna.tracing.direct.trace_plan import TracePlan
-from rfgen_sionna.tracing.routes.legs import Leg
+from rfgen_sionna.tracing.legs.leg import Leg
 from rfgen_sionna.tracing.routes.route_trace import Route, RouteTracer
 from rfgen_sionna.tracing.static.actor_shadows import StaticIndirectPaths
 from rfgen_sionna.tracing.surface.surfaces import Surfaces

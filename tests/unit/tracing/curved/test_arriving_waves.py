@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rfgen_sionna.scene.materials import material
-from rfgen_sionna.tracing.curved.arriving_waves import CurvedMirror, Route, arriving_wave, polarised_field
+from rfgen_sionna.tracing.curved.arriving_waves import CurvedMirror, CurvedRoute, arriving_wave, polarised_field
 from rfgen_sionna.tracing.curved.media import SurfaceOptics
 from tests.reference.two_spheres import reflection_points
 
@@ -27,7 +27,7 @@ def ball(centre, radius, source, end):
 
 
 def route(mirrors, end):
-    return Route(tuple(mirrors), np.atleast_2d(end).astype(float))
+    return CurvedRoute(tuple(mirrors), np.atleast_2d(end).astype(float))
 
 
 def test_a_plane_mirror_is_an_image():

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.tracing.routes.legs import Leg, Segment
+from rfgen_sionna.tracing.legs.leg import Leg, Segment
 from rfgen_sionna.tracing.visibility.item_buffer import (
     MARGIN,
     MAX_PIXELS,
@@ -40,7 +40,7 @@ _OCCLUDER = -(2**30)
 
 
 @dataclass(frozen=True)
-class Occluders:
+class LegOccluders:
     """Surfaces that occlude or, as slabs, transmit; surfaces are numbered from static ones on."""
 
     opaque: FloatArray
@@ -92,7 +92,7 @@ def see_along(
     leg: Leg,
     meshes: Meshes,
     points: Sequence[FloatArray],
-    occluders: Occluders,
+    occluders: LegOccluders,
     resolution: Resolution,
     normals: Callable[[FloatArray, slice], FloatArray],
 ) -> tuple[FloatArray, list[Crossings]]:
@@ -161,7 +161,7 @@ class _Buffer:
         leg: Leg,
         view: ItemView,
         meshes: Meshes,
-        occluders: Occluders,
+        occluders: LegOccluders,
         normals: Callable[[FloatArray, slice], FloatArray],
     ) -> None:
         self._normals = normals

@@ -12,7 +12,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT, FloatArray, IntArray
 from rfgen_sionna.tracing.integral.fresnel import media_table
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.integral.slabs import SlabTable
-from rfgen_sionna.tracing.routes.leg_visibility import Crossings, Occluders
+from rfgen_sionna.tracing.legs.leg_visibility import Crossings, LegOccluders
 from rfgen_sionna.tracing.surface.surfaces import Surface
 
 
@@ -21,7 +21,7 @@ class SlabScene:
     """Surfaces of a scene, static ones first, some of which transmit."""
 
     table: SlabTable
-    occluders: Occluders
+    occluders: LegOccluders
     half_band: float
     """[Hz]"""
 
@@ -46,7 +46,7 @@ class SlabScene:
             if transmits[number]:
                 surface.append(np.full(len(corners), number, np.int32))
         moving_slabs = tuple(transmits[len(static) :].tolist())
-        occluders = Occluders(
+        occluders = LegOccluders(
             np.concatenate(opaque), np.concatenate(slabs), np.concatenate(surface), len(static), moving_slabs
         )
         return SlabScene(table, occluders, half_band)
