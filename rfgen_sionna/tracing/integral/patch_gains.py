@@ -36,8 +36,6 @@ from rfgen_sionna.tracing.integral.phasor_moments import FAST, mean_phasor
 
 MAX_PARTS = 8
 """Largest number of pieces along an edge."""
-LEAST_TURN = 0.03
-"""Turn of the normal against the line of sight over a facet [rad] from which its obliquity is linear."""
 _POINTS = (2 * MAX_PARTS + 1) * (MAX_PARTS + 1)
 
 
@@ -101,7 +99,7 @@ def patch_gains(
         Largest quadratic phase [rad] in the middle of an edge of a piece.
     most_turn
         Largest turn of the normal against the line of sight over a piece [rad]; the obliquity is linear on each piece.
-        0 takes that of the middle for the whole facet, as it is where it hardly turns.
+        0 takes that of the middle for the whole facet.
     gradient
         (chosen, 3) gradient of the logarithm of the pattern gain [1/m]; empty means none.
     legs
@@ -210,7 +208,7 @@ def patch_gains(
                         spread = spread / max(norm(plus(unit(minus(top, here)), unit(minus(top, there)))), MIN_DISTANCE)
                     slabs = _slab_path(legs, q, top, here, there) if routed else 0.0
                     parts = 1
-                    own = turn > LEAST_TURN and not routed
+                    own = most_turn > 0.0 and not routed
                     for attempt in range(2):
                         m, scale = 0, -side * share * spread / parts**2
                         for row in range(2 * parts + 1):

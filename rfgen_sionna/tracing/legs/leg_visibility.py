@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.tracing.legs.leg import Leg, Segment
+from rfgen_sionna.tracing.visibility.facet_cuts import count_items, set_fractions
 from rfgen_sionna.tracing.visibility.item_buffer import (
     MARGIN,
     MAX_PIXELS,
@@ -22,12 +23,10 @@ from rfgen_sionna.tracing.visibility.item_buffer import (
 )
 from rfgen_sionna.tracing.visibility.rasterise import (
     EVERYWHERE,
-    count_items,
     draw,
     in_window,
     project,
     see_small,
-    set_fractions,
 )
 from rfgen_sionna.tracing.visibility.slab_layers import MAX_SLABS, add_layers, count_before
 
@@ -126,7 +125,7 @@ class _Counts:
 
     pixels: IntArray
     seen: FloatArray
-    """(facet, 3) of :func:`rfgen_sionna.tracing.visibility.rasterise.count_items`."""
+    """(facet, 6) of :func:`rfgen_sionna.tracing.visibility.facet_cuts.count_items`."""
     looked: IntArray
     """(facet,) pixels at which slabs were looked for."""
     surface: IntArray
@@ -140,7 +139,7 @@ class _Counts:
         pixels, looked = np.zeros((2, count), np.int32)
         none = np.full((count, MAX_SLABS), -1, np.int32)
         return _Counts(
-            pixels, np.zeros((count, 3)), looked, none, none.copy(), np.zeros(none.shape), np.zeros((*none.shape, 3))
+            pixels, np.zeros((count, 6)), looked, none, none.copy(), np.zeros(none.shape), np.zeros((*none.shape, 3))
         )  # fmt: skip
 
     def crossings(self) -> Crossings:

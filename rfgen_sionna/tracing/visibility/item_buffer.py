@@ -15,19 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
+from rfgen_sionna.tracing.visibility.facet_cuts import count_hidden, count_items, cut_facets, set_fractions
 from rfgen_sionna.tracing.visibility.rasterise import (
     EVERYWHERE,
     NO_PLANES,
     bounding_box,
-    count_hidden,
-    count_items,
-    cut_facets,
     draw,
     mean_area,
     project,
     see_points,
     see_small,
-    set_fractions,
     widen_window,
 )
 
@@ -226,7 +223,7 @@ class ItemBuffer:
         left, up, inverse = np.empty((3, len(points)))
         for view in self.views:
             nearest, items = np.zeros(view.shape, np.float32), np.full(view.shape, -1, np.int32)
-            drawn, seen = np.zeros(len(static), np.int32), np.zeros((len(static), 3))
+            drawn, seen = np.zeros(len(static), np.int32), np.zeros((len(static), 6))
             project(points, view.axes, left, up, inverse)
             draw(points, left, up, inverse, view.axes, corners, np.zeros(len(static), np.bool_), 0, view.origin,
                  view.scale, nearest, items, drawn, False, NO_PLANES, EVERYWHERE)  # fmt: skip
@@ -246,11 +243,11 @@ class ItemBuffer:
         viewpoint; 0 for those that face away. Returns the visible pieces of facets that are visible in part."""
         meshes = self.meshes
         count = len(meshes.corners)
-        pixels, total, cuts = np.zeros(count, np.int32), np.zeros((count, 3)), []
+        pixels, total, cuts = np.zeros(count, np.int32), np.zeros((count, 6)), []
         found[:] = 0.0
         for number, view in enumerate(self.views):
             nearest, items = self._cleared(number)
-            drawn, seen = np.zeros(count, np.int32), np.zeros((count, 3))
+            drawn, seen = np.zeros(count, np.int32), np.zeros((count, 6))
             for k in view.surfaces:
                 vertices, facets = slice(*meshes.vertex_range[k]), slice(*meshes.facet_range[k])
                 project(points[vertices], view.axes, self._left[vertices], self._up[vertices], self._inverse[vertices])
@@ -275,12 +272,12 @@ class ItemBuffer:
 
     def shadows(self) -> Shadows:
         """Facets at rest, and their parts, that the surfaces of the last :meth:`fractions` occlude."""
-        total, cuts = np.zeros((self._first, 3)), []
+        total, cuts = np.zeros((self._first, 6)), []
         corners = np.arange(3 * self._first, dtype=np.int32).reshape(-1, 3)
         for (_, before), (_, items), view, projected in zip(
             self._static, self._buffers, self.views, self._projected, strict=True
         ):
-            hidden = np.zeros((self._first, 3))
+            hidden = np.zeros((self._first, 6))
             count_hidden(before, items, self._first, hidden)
             partial = np.flatnonzero((hidden[:, 0] > 0) & (hidden[:, 0] < self._pixels))
             shares = hidden[partial, 0] / self._pixels[partial]
@@ -324,7 +321,7 @@ class ItemBuffer:
 
 
 def _whole_views(parts: Sequence[tuple[Cuts, FloatArray]], total: FloatArray) -> Cuts:
-    """Cuts of all views, without facets that several views show; `total` (facet, 3) are their pixels in all of them."""
+    """Cuts of all views, without facets that several views show; `total` (facet, 6) are their pixels in all of them."""
     facet = np.concatenate([np.zeros(0, np.intp), *(cuts.facet for cuts, _ in parts)])
     pieces = np.concatenate([np.zeros((0, 2, 3, 3)), *(cuts.pieces for cuts, _ in parts)])
     count = np.concatenate([np.zeros(0, np.int32), *(cuts.triangles for cuts, _ in parts)])
