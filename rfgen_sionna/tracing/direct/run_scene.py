@@ -26,7 +26,7 @@ from rfgen_sionna.tracing.surface.surfaces import Surface, tolerance_groups
 from rfgen_sionna.tracing.surface.tessellate import tessellate
 
 FINE_PARALLAX, COARSE_PARALLAX, FINE_RTOL = 0.1, 0.5, 0.03
-"""Shift of a shadow boundary at the outermost elements over the Fresnel zone above which each node has its own
+"""Shift of a shadow boundary at the outermost elements over the Fresnel zone above which Tx and Rx have their own
 visibility: up to the tolerance given third, and above."""
 RANGE_MARGIN = 1.1
 """Range of tessellation over the range window: facets may enter it during the run."""
@@ -85,10 +85,12 @@ class RunScene:
         media = media_table(Media.at([each.material for each in self.surfaces], frequency, band.half_band))
         monostatic = band.alike and band.baseline**2 < MONOSTATIC * self.rtol * nearest**2
         places = np.zeros((1, 3))
-        place: IntArray = np.zeros(len(table), np.int32)
+        place: IntArray = np.zeros((len(table), 2), np.int32)
         if parallax:
-            places, number = np.unique(0.5 * (table[:, :3] + table[:, 3:6]), axis=0, return_inverse=True)
-            place = number.reshape(-1).astype(np.int32)
+            places, number = np.unique(
+                np.concatenate([table[:, :3], table[:, 3:6], places]), axis=0, return_inverse=True
+            )
+            place = number.reshape(-1)[:-1].reshape(2, -1).T.astype(np.int32)
         return GainNodes(np.ascontiguousarray(table), media, np.stack(band.fields), not monostatic, places, place)
 
     def has_parallax(self, poses: Sequence[Sequence[FloatArray]]) -> bool:
@@ -107,17 +109,16 @@ class RunScene:
             return False
         zone = np.sqrt(SPEED_OF_LIGHT / self.band.highest * near * (far - near) / (2.0 * far))
         share = FINE_PARALLAX if self.rtol <= FINE_RTOL else COARSE_PARALLAX
-        return bool(0.5 * self.band.aperture * (far - near) / near > share * zone)
+        return bool(self.band.reach * (far - near) / near > share * zone)
 
     def _in_front(self, points: FloatArray) -> FloatArray:
-        """(corner, 3) corners [m] of facets at rest in the cone around `points` (point, 3) [m] and before them, both
-        relative to the viewpoint."""
-        corners = self.static.reshape(-1, 3)
-        away, to = lengths(corners), points.mean(axis=0)
-        to /= max(float(np.linalg.norm(to)), 1e-12)
-        narrowest = float((points @ to / np.maximum(lengths(points), 1e-12)).min())
-        inside = (corners @ to >= narrowest * away) & (away < lengths(points).max())
-        return corners[inside]
+        """(corner, 3) corners [m] of facets at rest that reach into the cone around `points` (point, 3) [m] and are
+        before them, both relative to the viewpoint."""
+        to, apart = _cone(points[None])
+        towards, wide = _cone(self.static)
+        inside = np.arccos(np.clip(towards @ to[0], -1.0, 1.0)) <= wide + apart[0]
+        corners = self.static[inside].reshape(-1, 3)
+        return corners[lengths(corners) < lengths(points).max()]
 
     def distances(self, vertices: Sequence[FloatArray]) -> list[float]:
         """Distance [m] of the nearest of the `vertices` (vertex, 3) [m] of each surface."""
@@ -137,3 +138,11 @@ class RunScene:
         """(facet,) two-way field gain over its peak towards `centroids` (facet, 3) [m] relative to the viewpoint."""
         away = np.maximum(lengths(centroids), 1e-12)
         return self.band.pattern_gain(centroids / away[:, None])
+
+
+def _cone(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(set, 3) axes and (set,) half angles [rad] of cones from the viewpoint around `points` (set, point, 3) [m]."""
+    away = points / np.maximum(np.linalg.norm(points, axis=2, keepdims=True), 1e-12)
+    axes = away.mean(axis=1)
+    axes /= np.maximum(lengths(axes)[:, None], 1e-12)
+    return axes, np.arccos(np.clip(np.einsum("spi,si->sp", away, axes).min(axis=1, initial=1.0), -1.0, 1.0))

@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
+from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.tracing.direct.facet_bounds import bound_returns, significant
 from rfgen_sionna.tracing.integral.leg_fields import LegTables
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
@@ -50,9 +51,9 @@ class Sample:
     normals: FloatArray
     """(normal, 3)"""
     seen: tuple[SeenFacets, ...]
-    """From each place of the array, the phase centre first or alone."""
+    """From each place of the array, or from the phase centre alone."""
     shadows: Shadows
-    """On facets at rest, from the first place."""
+    """On facets at rest, from the place next to the phase centre."""
     crossed: Crossings | None = None
     """Slabs on the direct leg to each facet; None without transmission."""
 
@@ -60,6 +61,23 @@ class Sample:
     def visible(self) -> FloatArray:
         """(facet,) largest visible fraction from any place."""
         return self.seen[0].visible if len(self.seen) == 1 else np.max([each.visible for each in self.seen], axis=0)
+
+
+    def seen_from(
+        self, one: int, other: int, chosen: NDArray[np.intp]
+    ) -> tuple[FloatArray, NDArray[np.int32], Cuts]:
+        """(chosen,) fraction of the `chosen` facets that is visible from two places, (chosen,) cut of each, -1 without
+        one, and the cuts. One shadow boundary is assumed on a facet: the place that shows less of it counts."""
+        share, cuts = self.seen[one]
+        found = share[chosen]
+        if one == other:
+            return found, cuts.of(chosen), cuts
+        share, more = self.seen[other]
+        less = share[chosen] < found
+        cut = np.where(less, more.of(chosen), np.int32(-1))
+        cut[cut >= 0] += np.int32(len(cuts.facet))
+        joined = Cuts(*(np.concatenate(each) for each in zip(cuts, more, strict=True)))
+        return np.where(less, share[chosen], found), np.where(less, cut, cuts.of(chosen)), joined
 
 
 @dataclass(frozen=True)
@@ -87,6 +105,7 @@ class Sampler:
             given = mesh.meshes, points, self.slabs.occluders, self.resolution, mesh.corner_normals
             shares, found = see_along(Leg(()), *given)
             crossed = [*found]
+        central = int(np.argmin(lengths(places)))
         seen, shadows = list[list[SeenFacets]](), [NO_SHADOWS for _ in times]
         for number, place in enumerate(places):
             moved = points if not place.any() else [each - place for each in points]
@@ -100,7 +119,7 @@ class Sampler:
                     visible, cuts = shares[k].copy(), NO_CUTS
                 self._limit_range(own, visible)
                 seen[-1].append(SeenFacets(visible, cuts))
-                if len(self.static) and number == 0:
+                if len(self.static) and number == central:
                     shadows[k] = buffer.shadows()
         views = zip(*seen, strict=True)
         return [
@@ -157,12 +176,12 @@ class GainNodes:
     places: FloatArray
     """(place, 3) places [m] of the array relative to the viewpoint from which facets are looked at."""
     place: IntArray
-    """(node,) place of each node."""
+    """(node, 2) places from which each node's facets have to be visible, those of Tx and Rx."""
 
     @staticmethod
     def of_one_place(table: FloatArray, media: FloatArray, fields: FloatArray, bistatic: bool) -> GainNodes:
         """Nodes that share the view from the phase centre."""
-        place: IntArray = np.zeros(len(table), np.int32)
+        place: IntArray = np.zeros((len(table), 2), np.int32)
         return GainNodes(np.ascontiguousarray(table), media, fields, bistatic, np.zeros((1, 3)), place)
 
 
@@ -183,15 +202,15 @@ def integrate(
     :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`."""
     gains = np.empty((len(nodes.table), len(chosen)), np.complex128)
     centroids = np.empty((len(chosen), 3))
-    seen = [SeenFacets(share[chosen], cuts) for share, cuts in sample.seen]
-    if visible is not None:
-        seen = [SeenFacets(visible, NO_CUTS)]
-    for number, (share, cuts) in enumerate(seen):
-        own = np.flatnonzero(nodes.place == number)
+    for pair in np.unique(nodes.place, axis=0):
+        own = np.flatnonzero((nodes.place == pair).all(axis=1))
+        share, cut_of, cuts = sample.seen_from(*pair.tolist(), chosen)
+        if visible is not None:
+            share, cut_of, cuts = visible, NO_CUTS.of(chosen), NO_CUTS
         found = gains if len(own) == len(gains) else np.empty((len(own), len(chosen)), np.complex128)
         patch_gains(
             sample.points, mesh.faces, mesh.group, sample.normals, mesh.face_of, mesh.weights, chosen, share,
-            cuts.of(chosen), cuts.pieces, cuts.triangles, material, mesh.single, nodes.table[own], nodes.fields,
+            cut_of, cuts.pieces, cuts.triangles, material, mesh.single, nodes.table[own], nodes.fields,
             nodes.media[own], nodes.bistatic, sagitta, turn, gradient, (legs or LegTables.direct()).at(own), found,
             centroids,
         )  # fmt: skip
