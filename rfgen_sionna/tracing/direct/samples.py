@@ -62,10 +62,7 @@ class Sample:
         """(facet,) largest visible fraction from any place."""
         return self.seen[0].visible if len(self.seen) == 1 else np.max([each.visible for each in self.seen], axis=0)
 
-
-    def seen_from(
-        self, one: int, other: int, chosen: NDArray[np.intp]
-    ) -> tuple[FloatArray, NDArray[np.int32], Cuts]:
+    def seen_from(self, one: int, other: int, chosen: NDArray[np.intp]) -> tuple[FloatArray, NDArray[np.int32], Cuts]:
         """(chosen,) fraction of the `chosen` facets that is visible from two places, (chosen,) cut of each, -1 without
         one, and the cuts. One shadow boundary is assumed on a facet: the place that shows less of it counts."""
         share, cuts = self.seen[one]
@@ -76,7 +73,10 @@ class Sample:
         less = share[chosen] < found
         cut = np.where(less, more.of(chosen), np.int32(-1))
         cut[cut >= 0] += np.int32(len(cuts.facet))
-        joined = Cuts(*(np.concatenate(each) for each in zip(cuts, more, strict=True)))
+        joined = Cuts(
+            np.concatenate([cuts.facet, more.facet]), np.concatenate([cuts.pieces, more.pieces]),
+            np.concatenate([cuts.triangles, more.triangles]),
+        )  # fmt: skip
         return np.where(less, share[chosen], found), np.where(less, cut, cuts.of(chosen)), joined
 
 
@@ -100,10 +100,10 @@ class Sampler:
         views. Slabs are looked for from the phase centre alone."""
         mesh = self.mesh
         points = [mesh.points(self.positions(t), self.viewpoint) for t in times]
-        shares, crossed = None, list[Crossings | None]([None] * len(times))
+        shares, crossed, shown_cuts = None, list[Crossings | None]([None] * len(times)), list[Cuts]()
         if self.slabs is not None:
             given = mesh.meshes, points, self.slabs.occluders, self.resolution, mesh.corner_normals
-            shares, found = see_along(Leg(()), *given)
+            shares, found, shown_cuts = see_along(Leg(()), *given)
             crossed = [*found]
         central = int(np.argmin(lengths(places)))
         seen, shadows = list[list[SeenFacets]](), [NO_SHADOWS for _ in times]
@@ -116,7 +116,7 @@ class Sampler:
                 if shares is None or len(self.static):
                     cuts = buffer.fractions(each, visible)
                 if shares is not None:
-                    visible, cuts = shares[k].copy(), NO_CUTS
+                    visible, cuts = shares[k].copy(), shown_cuts[k]
                 self._limit_range(own, visible)
                 seen[-1].append(SeenFacets(visible, cuts))
                 if len(self.static) and number == central:
@@ -202,9 +202,9 @@ def integrate(
     :func:`rfgen_sionna.tracing.integral.patch_gains.patch_gains`."""
     gains = np.empty((len(nodes.table), len(chosen)), np.complex128)
     centroids = np.empty((len(chosen), 3))
-    for pair in np.unique(nodes.place, axis=0):
-        own = np.flatnonzero((nodes.place == pair).all(axis=1))
-        share, cut_of, cuts = sample.seen_from(*pair.tolist(), chosen)
+    for one, other in np.unique(nodes.place, axis=0).tolist():
+        own = np.flatnonzero((nodes.place == (one, other)).all(axis=1))
+        share, cut_of, cuts = sample.seen_from(one, other, chosen)
         if visible is not None:
             share, cut_of, cuts = visible, NO_CUTS.of(chosen), NO_CUTS
         found = gains if len(own) == len(gains) else np.empty((len(own), len(chosen)), np.complex128)

@@ -14,12 +14,15 @@ from rfgen_sionna.tracing.visibility.facet_cuts import count_items, set_fraction
 from rfgen_sionna.tracing.visibility.item_buffer import (
     MARGIN,
     MAX_PIXELS,
+    Cuts,
     ItemView,
     Meshes,
     Resolution,
     choose_views,
+    cut_in_view,
     look_at,
     view_scale,
+    whole_views,
 )
 from rfgen_sionna.tracing.visibility.rasterise import (
     EVERYWHERE,
@@ -94,11 +97,11 @@ def see_along(
     occluders: LegOccluders,
     resolution: Resolution,
     normals: Callable[[FloatArray, slice], FloatArray],
-) -> tuple[FloatArray, list[Crossings]]:
+) -> tuple[FloatArray, list[Crossings], list[Cuts]]:
     """(time, facet) visible share of the part of each facet that the mirrors of a `leg` show, in common views of all
-    times, and with slabs the crossings at each time. `points` (vertex, 3) [m] are those of each time; the smallest
-    surface has this `resolution`. Ragged mirrors: of the whole facet. `normals` returns those at the
-    corners of some facets, (facet, 3, 3), for the points."""
+    times, with slabs the crossings at each time, and without mirrors the cuts at each time. `points` (vertex, 3) [m]
+    are those of each time; the smallest surface has this `resolution`. Ragged mirrors: of the whole facet. `normals`
+    returns those at the corners of some facets, (facet, 3, 3), for the points."""
     there = [each - leg.view for each in points]
     if leg.mirrors:
         view = _view(leg, meshes, there, resolution)
@@ -108,7 +111,7 @@ def see_along(
     if occluders.any_slabs:
         views = [_coarser(each) for each in views]
     buffers = [_Buffer(leg, view, meshes, occluders, normals) for view in views]
-    found, crossed = np.zeros((len(points), len(meshes.corners))), []
+    found, crossed, cuts = np.zeros((len(points), len(meshes.corners))), list[Crossings](), list[Cuts]()
     for k, (real, shown) in enumerate(zip(points, there, strict=True)):
         count = _Counts.of(len(meshes.corners))
         for buffer in buffers:
@@ -116,7 +119,9 @@ def see_along(
         set_fractions(count.pixels, count.seen, found[k])
         if occluders.any_slabs:
             crossed.append(count.crossings())
-    return found, crossed
+        if not leg.mirrors:
+            cuts.append(whole_views(count.cuts, count.seen))
+    return found, crossed, cuts
 
 
 @dataclass(frozen=True)
@@ -132,6 +137,7 @@ class _Counts:
     segment: IntArray
     cover: FloatArray
     across: FloatArray
+    cuts: list[tuple[Cuts, FloatArray]]
 
     @staticmethod
     def of(count: int) -> _Counts:
@@ -139,7 +145,8 @@ class _Counts:
         pixels, looked = np.zeros((2, count), np.int32)
         none = np.full((count, MAX_SLABS), -1, np.int32)
         return _Counts(
-            pixels, np.zeros((count, 6)), looked, none, none.copy(), np.zeros(none.shape), np.zeros((*none.shape, 3))
+            pixels, np.zeros((count, 6)), looked, none, none.copy(), np.zeros(none.shape), np.zeros((*none.shape, 3)),
+            [],
         )  # fmt: skip
 
     def crossings(self) -> Crossings:
@@ -205,7 +212,14 @@ class _Buffer:
             own[facets] = self._draw(
                 image, meshes.corners[facets], meshes.single[facets], facets.start, last, nearest, items, self._opened
             )
-        count_items(items, 0, count.seen)
+        seen = np.zeros_like(count.seen)
+        count_items(items, 0, seen)
+        count.seen[:] += seen
+        if not self._leg.mirrors:
+            partial = np.flatnonzero((seen[:, 0] > 0) & (seen[:, 0] < own))
+            count.cuts.append(
+                cut_in_view(view, image[1:], meshes.corners, partial, seen[partial, 0] / own[partial], seen)
+            )
         before = count.pixels.copy()
         count.pixels[:] = np.where(own < 0, own, np.maximum(before, 0) + own)
         small = count.pixels == 0

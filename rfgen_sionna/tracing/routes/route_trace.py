@@ -250,7 +250,8 @@ class RouteTracer:
 
     def _fractions(self, plan: TracePlan, leg: Leg, points: Sequence[FloatArray]) -> tuple[FloatArray, list[Crossings]]:
         occluders = self._whole if plan.scene.slabs is None else plan.scene.slabs.occluders
-        return see_along(leg, plan.mesh.meshes, points, occluders, plan.settings.resolution, plan.mesh.corner_normals)
+        given = plan.mesh.meshes, points, occluders, plan.settings.resolution, plan.mesh.corner_normals
+        return see_along(leg, *given)[:2]
 
     def _vertex_ranges(self, plan: TracePlan) -> list[tuple[int, int]]:
         """First and last vertex of each surface, without those of pieces."""

@@ -264,11 +264,11 @@ class ItemBuffer:
                           drawn[facets], found[facets])  # fmt: skip
             partial = np.flatnonzero((seen[:, 0] > 0) & (seen[:, 0] < drawn))
             shares = seen[partial, 0] / drawn[partial]
-            cuts.append(self._cut(view, (self._left, self._up, self._inverse), meshes.corners, partial, shares, seen))
+            cuts.append(cut_in_view(view, (self._left, self._up, self._inverse), meshes.corners, partial, shares, seen))
             pixels = np.where(pixels < 0, drawn, pixels + drawn)
             total += seen
         set_fractions(pixels, total, found)
-        return _whole_views(cuts, total)
+        return whole_views(cuts, total)
 
     def shadows(self) -> Shadows:
         """Facets at rest, and their parts, that the surfaces of the last :meth:`fractions` occlude."""
@@ -281,7 +281,7 @@ class ItemBuffer:
             count_hidden(before, items, self._first, hidden)
             partial = np.flatnonzero((hidden[:, 0] > 0) & (hidden[:, 0] < self._pixels))
             shares = hidden[partial, 0] / self._pixels[partial]
-            cuts.append(self._cut(view, projected, corners, partial, shares, hidden))
+            cuts.append(cut_in_view(view, projected, corners, partial, shares, hidden))
             total += hidden
         left = 1.0 - np.minimum(total[:, 0] / np.maximum(self._pixels, 1.0), 1.0)
         some = np.flatnonzero(self._small)
@@ -293,21 +293,7 @@ class ItemBuffer:
                 visible &= here
             left[some[~visible]] = 0.0
         occluded = np.flatnonzero(left < 1.0)
-        return Shadows(occluded, left[occluded], _whole_views(cuts, total))
-
-    def _cut(
-        self,
-        view: ItemView,
-        projected: tuple[FloatArray, FloatArray, FloatArray],
-        corners: IntArray,
-        partial: NDArray[np.intp],
-        shares: FloatArray,
-        seen: FloatArray,
-    ) -> tuple[Cuts, FloatArray]:
-        """Pieces of the `partial` facets with these `shares`, and (partial,) their pixels in this view."""
-        pieces, count = np.zeros((len(partial), 2, 3, 3)), np.zeros(len(partial), np.int32)
-        cut_facets(*projected, corners, partial, view.origin, view.scale, shares, seen, pieces, count)
-        return Cuts(partial, pieces, count), seen[partial, 0]
+        return Shadows(occluded, left[occluded], whole_views(cuts, total))
 
     def _cleared(self, number: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         nearest, items = self._buffers[number]
@@ -320,7 +306,23 @@ class ItemBuffer:
         return nearest, items
 
 
-def _whole_views(parts: Sequence[tuple[Cuts, FloatArray]], total: FloatArray) -> Cuts:
+def cut_in_view(
+    view: ItemView,
+    projected: tuple[FloatArray, FloatArray, FloatArray],
+    corners: IntArray,
+    partial: NDArray[np.intp],
+    shares: FloatArray,
+    seen: FloatArray,
+) -> tuple[Cuts, FloatArray]:
+    """Pieces of the `partial` facets with these `shares`, and (partial,) their pixels in a `view` of `projected` points
+    (:func:`rfgen_sionna.tracing.visibility.rasterise.project`); `seen` (facet, 6) is that of
+    :func:`rfgen_sionna.tracing.visibility.facet_cuts.count_items`."""
+    pieces, count = np.zeros((len(partial), 2, 3, 3)), np.zeros(len(partial), np.int32)
+    cut_facets(*projected, corners, partial, view.origin, view.scale, shares, seen, pieces, count)
+    return Cuts(partial, pieces, count), seen[partial, 0]
+
+
+def whole_views(parts: Sequence[tuple[Cuts, FloatArray]], total: FloatArray) -> Cuts:
     """Cuts of all views, without facets that several views show; `total` (facet, 6) are their pixels in all of them."""
     facet = np.concatenate([np.zeros(0, np.intp), *(cuts.facet for cuts, _ in parts)])
     pieces = np.concatenate([np.zeros((0, 2, 3, 3)), *(cuts.pieces for cuts, _ in parts)])
