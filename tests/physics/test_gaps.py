@@ -77,8 +77,8 @@ def test_a_plate_behind_a_slit_returns_what_the_slit_lets_through(radar, turn, r
         strength = np.exp(-4j * np.pi * radar.center_frequency / SPEED_OF_LIGHT * distance) / distance**3
         unoccluded += strength[~rays.occluded(np.asarray(radar.position), points)].sum()
         whole += strength.sum()
-    # The points know the lit share to a tenth of what is stated: 2000 along each side, 40 across the slit's light.
-    assert abs(found - unoccluded / whole) < traced.report.error * abs(unoccluded / whole)
+    # 1.3 dB: the strip of light on each facet is a rectangle.
+    assert abs(found - unoccluded / whole) < 0.16 * abs(unoccluded / whole)
 
 
 @pytest.mark.slow

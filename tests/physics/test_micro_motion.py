@@ -99,4 +99,4 @@ def test_fast_vibrations_are_followed(amplitude, rate, caplog):
     stated = np.hypot(traced.report.time_error, traced.report.error)
     assert missed < 1.5 * stated
     assert "not smooth" not in caplog.text
-    assert stated < 1.5e-3
+    assert stated < 3.5e-3  # of a coarse ball

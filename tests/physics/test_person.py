@@ -128,8 +128,7 @@ def test_finer_motion_sampling_does_not_change_the_spectrogram(radar):
     )
     tracer = Tracer(None, radar, [person], rtol=1e-3)
     start, stop = 0.8, 0.8 + radar.waveform.frame_length
-    run = tracer.follow()
-    paths = tracer.trace(start, stop, run).moving
+    paths = tracer.trace(start, stop).moving
     t = np.linspace(start, stop, 57)
     delays = paths.tau[0, 0] @ knot_weights(paths.times, t).T
     centroids = []
@@ -137,7 +136,7 @@ def test_finer_motion_sampling_does_not_change_the_spectrogram(radar):
         vertices = person.vertices(float(instant))
         centroids.append(vertices[person.faces[paths.facet]].mean(axis=1))
     centroids = np.stack(centroids, axis=1)
-    whole = np.bincount(run.indirect._facets.pieces[0].face)[paths.facet] == 1  # not split
+    whole = np.bincount(paths.facet)[paths.facet] == 1  # not split
     assert whole.mean() > 0.5  # most of what is told, though faces near the rim are split
     length = sum(np.linalg.norm(centroids - element, axis=2) for element in (radar.tx_world[0], radar.rx_world[0]))
     error = 2 * np.pi * radar.center_frequency * (delays - length / 299_792_458.0)[whole]

@@ -135,7 +135,7 @@ def test_errors_are_relative_to_what_is_scattered_as_well(s, xpd, fields, caplog
         simulator = Simulator(None, of, [actor], rtol=rtol)
         found.append(channel(simulator.paths()))
         assert simulator.tracer.trace(0.0, 0.0).report.error < 3 * rtol
-    assert abs(found[0] - found[1]) < 1e-2 * abs(found[1])
+    assert abs(found[0] - found[1]) < 2e-2 * abs(found[1])
     assert "right to" not in caplog.text or s == 0.5  # 0.0015 of itself
 
 
@@ -160,7 +160,7 @@ def test_speckle_goes_on_where_facets_are_chosen_anew():
         before, after = tracer.trace(t - 0.05, t), tracer.trace(t, t + 0.05)
         counts.add(after.moving.num_paths)
         size = np.abs(at(before, t)).max()
-        assert np.abs(at(after, t) - at(before, t)).max() < 3e-3 * size
+        assert np.abs(at(after, t) - at(before, t)).max() < 2e-2 * size
         assert np.abs(at(fine.trace(t, t + 0.05), t) - at(after, t)).max() < 0.06 * size
     assert len(counts) > 2
 
