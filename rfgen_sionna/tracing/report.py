@@ -31,14 +31,14 @@ class TraceReport(ShortRepr):
     sample_times: int
     """Number of times at which visibility and gains were traced."""
     knots: int
-    """Knots of the delays; facets under temporal refinement have more."""
+    """Number of knots of the actors' paths."""
     error: float
     """Estimated error at the sample times: the larger of that of actors and that of the static scene.
 
     Reference: the actor's own return, at the time of best visibility where another object occludes it; of the static
     scene the return of its strongest surface or the incoherent sum of all, whichever is larger.
 
-    Measured against finer settings for direct returns of actors (:mod:`rfgen_sionna.tracing.direct.run_plan`). Specular
+    Measured against finer settings for direct returns of actors (:mod:`rfgen_sionna.tracing.direct.planner`). Specular
     double bounces add omitted returns and the error of geometrical optics
     (:mod:`rfgen_sionna.tracing.curved.stationary_phase_error`), which no smaller `rtol` reduces. Routes have the
     settings of direct returns; the diffraction at the outlines of mirrors is not part of it.
