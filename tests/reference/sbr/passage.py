@@ -27,7 +27,7 @@ class Slab:
 
 
 @dataclass(frozen=True)
-class SlabRoute(passage.Route):
+class SlabRoute(passage.CurvedRoute):
     """Routes that go through slabs."""
 
     slabs: tuple[tuple[Slab, ...], ...]
