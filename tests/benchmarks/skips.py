@@ -1,8 +1,8 @@
 """What each skip of the tracer saves, and that the answer stays within the tolerance without it.
 
-A skip is turned off where it is made, by replacing the function or number that makes it. The answer is the ADC frame,
-12 channels, in two parts that are compared each by itself: returns of the static scene with the actor's shadow, and those
-of the actor.
+A skip is turned off where it is made, by replacing the function or number that makes it. The answer is the ADC frame of
+12 channels, in two parts that are compared each by itself: returns of the static scene with the actor's shadow, and
+those of the actor.
 """
 
 from __future__ import annotations
