@@ -79,8 +79,7 @@ _COLLECT, _DEMAND, _SETTINGS = tracer.collect_surfaces, tessellate.required_spli
 
 def _open_surfaces(*arguments: Any) -> Any:
     found = _COLLECT(*arguments)
-    opened = (replace(each, closed=False, outward=np.zeros_like(each.outward)) for each in found.moving)
-    return replace(found, moving=tuple(opened))
+    return replace(found, moving=tuple(replace(each, closed=False) for each in found.moving))
 
 
 def _as_in_the_beam(

@@ -377,7 +377,6 @@ class BandTracer:
                 origin=self._origin,
                 steady=steady,
                 kinds=slopes,
-                outward=facets.outward[index] if curved and facets.outward is not None else None,
             )
 
         return split_by_curvature(facets.curved, of)

@@ -135,7 +135,6 @@ def facet_gains(
     origin: FloatArray | None = None,
     steady: bool = False,
     kinds: SlopeOrder = SlopeOrder.SECOND,
-    outward: NDArray[np.bool_] | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -172,8 +171,6 @@ def facet_gains(
     steady
         Take the reflection for linear over the nodes. Nodes of one pair, without mirrors and slabs, then share all but
         the phase integral. Relative error 0.1 to 0.2 times (band / frequency)^2.
-    outward
-        (facet,) facets that keep their orientation though their flat triangle faces away; None means none.
     """
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32
@@ -211,8 +208,6 @@ def facet_gains(
     if patch is not None:
         arrays |= {"sagittas": patch.sagittas, "corner_offsets": patch.corner_offsets}
     given |= {name: upload(Float, values) for name, values in arrays.items() if values is not None and len(values)}
-    if outward is not None and outward.any():
-        given["outward"] = upload(UInt32, outward.astype(np.uint32))
     if parts is not None and int(np.max(parts)) > 1:
         given["parts"] = upload(UInt32, np.asarray(parts, np.uint32))
         # Lanes computed together take as long as the one of most parts; 16-bit integers sort quickly.
@@ -280,8 +275,6 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
         slopes = [dr.cross(upright, p[(k + 2) % 3] - p[(k + 1) % 3]) for k in range(3)]
     # A bent facet's side is the one towards the radar: single elements may differ.
     away = dr.dot(cross, middle if "sagittas" in given and "via" not in given else middle - t) > 0
-    if "outward" in given:
-        away &= whole("outward", facet) == 0
     cross = dr.select(away, -cross, cross)
     sagittas = None
     if "sagittas" in given:

@@ -18,7 +18,6 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.kernels import upload
@@ -148,30 +147,6 @@ class SlabStacks:
     """Slabs between the element and the mirror of its leg."""
     behind: SlabStack | None
     """Slabs between the mirror, or the element of a direct leg, and the facet."""
-
-
-def normals_over_time(places: Sequence[NDArray[np.intp]], sums: Sequence[FloatArray], count: int) -> list[FloatArray]:
-    """(entry, ..., 3) unit normals of `count` entries at each sample time. `sums` (row, ..., 3) are normals of any
-    length at each time, and `places` (row,) their entries, -1 for none. An entry without rows at a time has the normals
-    of the nearest time with some."""
-    shape = (len(places), count, *sums[0].shape[1:])
-    total, there = np.zeros(shape), np.zeros(shape[:2], np.bool_)
-    for own, present, place, each in zip(total, there, places, sums, strict=True):
-        np.add.at(own, place[place >= 0], each[place >= 0])
-        present[place[place >= 0]] = True
-    total /= np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-12)
-    entry, gaps = np.arange(count), np.arange(len(places))
-    found = []
-    for k in range(len(places)):
-        order = np.argsort(np.abs(gaps - k), kind="stable")
-        found.append(total[order[there[order].argmax(axis=0)], entry])
-    return found
-
-
-def interpolated_normals(before: FloatArray, after: FloatArray, share: float) -> FloatArray:
-    """(..., 3) unit normals at a `share` of the way from `before` to `after`."""
-    between = before + share * (after - before)
-    return np.asarray(between / np.maximum(np.linalg.norm(between, axis=-1, keepdims=True), 1e-12))
 
 
 class SlabLanes(NamedTuple):

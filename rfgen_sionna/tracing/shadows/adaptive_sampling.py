@@ -7,7 +7,6 @@ for undetected boundaries as well. Shadows finer than the finest lattice keep th
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.tracing.shadows.lattice_sampling import LatticeSampler, OccluderTest
 from rfgen_sionna.tracing.shadows.lattices import SPACINGS, inset_points, points_of
 from rfgen_sionna.tracing.shadows.return_bounds import corners_of, error_budget, max_boundary_returns, max_returns
-from rfgen_sionna.tracing.shadows.visible_polygons import EDGE_INSET, VisibilitySampler, find_visible_polygons
+from rfgen_sionna.tracing.shadows.visible_polygons import EDGE_INSET
 
 MISSED_PER_RTOL = 0.25
 """Allowed error of shadow boundaries over the incoherent sum of all returns, per unit of the tolerance."""
@@ -282,55 +281,3 @@ def _turn_away(given: dict[str, Any]) -> None:
 
 
 _TURN_AWAY = FrozenKernel(_turn_away)
-
-
-_CLIP_BATCH = 300_000
-"""Points per batch; bounds memory."""
-
-
-class ClippedFacets(NamedTuple):
-    """Visible parts of facets behind the borders of slabs or mirrors."""
-
-    share: FloatArray
-    """(facet,) visible share of the area."""
-    owner: NDArray[np.intp]
-    """(piece,) facet of each piece, ascending; facets with small returns have none."""
-    pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates."""
-    missed: float
-    """Estimated error of all returns, relative to `level`."""
-
-
-def clip_by_silhouettes(
-    sampler: Callable[[NDArray[np.intp]], VisibilitySampler],
-    cut: FloatArray,
-    width: FloatArray,
-    share: FloatArray,
-    level: float,
-    rtol: float,
-) -> ClippedFacets:
-    """Sample facets on lattices with the error budget of :func:`sample_visibility`.
-
-    `sampler` makes the visibility test of an index of facets. `cut` and `width` (facet,) are the bounds of cut facets
-    and the phase ranges [rad] of :func:`rfgen_sionna.tracing.shadows.return_bounds.max_returns`, `share` (facet,) the
-    visible shares by guiding rays. `level` is the incoherent sum of all returns in units of `cut`, `rtol` its allowed
-    error.
-    """
-    errors, share = CURVED_EDGE_ERROR * cut, share.copy()
-    wanted = np.sqrt(errors / error_budget(errors, MISSED_PER_RTOL * rtol * level))
-    cells = np.searchsorted(SPACINGS[:-1], wanted)
-    sampled = wanted > np.sqrt(CURVED_EDGE_ERROR / CORNER_ERROR)
-    partly = (share > 0) & (share < 1)
-    missed = np.where(sampled, errors / np.array(SPACINGS)[cells] ** 2, CORNER_ERROR * cut * partly)
-    some = np.flatnonzero(sampled)
-    owners, pieces = [np.zeros(0, np.intp)], [np.zeros((0, 3, 3))]
-    batch = np.cumsum(points_of(cells[some])) // _CLIP_BATCH
-    for own in np.split(some, np.flatnonzero(np.diff(batch)) + 1):
-        unoccluded = find_visible_polygons(sampler(own), cells[own], width[own])
-        share[own] = unoccluded.fraction
-        missed[np.setdiff1d(own, own[unoccluded.owner])] = 0.0  # no boundary
-        order = np.argsort(unoccluded.owner, kind="stable")
-        owners.append(own[unoccluded.owner[order]])
-        pieces.append(unoccluded.pieces[order])
-    error = float(np.linalg.norm(missed)) / level if level > 0 else 0.0
-    return ClippedFacets(share, np.concatenate(owners), np.concatenate(pieces), error)

@@ -24,7 +24,7 @@ from rfgen_sionna.tracing.shadows.adaptive_sampling import (
 from rfgen_sionna.tracing.shadows.shadow_cones import BoundingSpheres, bounding_spheres, in_shadow_cones
 from rfgen_sionna.tracing.shadows.silhouettes import FacetLocator, SilhouetteRays, static_silhouettes
 from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
-from rfgen_sionna.tracing.static.static_facets import SlabEdgeTransmission, find_visible_facets, max_wavenumber
+from rfgen_sionna.tracing.static.static_facets import find_visible_facets, max_wavenumber
 from rfgen_sionna.tracing.static.static_visibility import StaticReturns, StaticVisibility
 from rfgen_sionna.tracing.surface.facets import Facets, facet_paths
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
@@ -206,12 +206,10 @@ def trace_static(
     viewpoint: FloatArray,
     rtol: float,
     max_range: float,
-    slab_edges: SlabEdgeTransmission | None = None,
 ) -> StaticTrace:
     """Trace the static surfaces up to `max_range` [m], as the radar's IF filter removes farther ones.
 
-    `rays` holds the static scene alone; None without static surfaces. `slab_edges` finds transmission through slabs
-    beside shadow boundaries; None has none. Warns where `rtol` is not met.
+    `rays` holds the static scene alone; None without static surfaces. Warns where `rtol` is not met.
     """
     materials = tuple(surface.material for surface in surfaces.static)
     resolution, rays_sent = np.ones(len(materials)), 0
@@ -222,7 +220,7 @@ def trace_static(
         silhouette_rays, rays_sent = SilhouetteRays(past, rays.first_facet(viewpoint, past), span), len(past)
     for attempt in range(MAX_ROUNDS):
         visible = find_visible_facets(
-            surfaces, rays, band, viewpoint, rtol, rtol * resolution, max_range, silhouette_rays, slab_edges
+            surfaces, rays, band, viewpoint, rtol, rtol * resolution, max_range, silhouette_rays
         )
         facets, rays_sent = visible.facets, rays_sent + visible.rays
         weight = visible.fraction * band.pattern_gain(facets.directions(viewpoint))

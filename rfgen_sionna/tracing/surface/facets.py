@@ -26,7 +26,7 @@ RATE_STEP = 0.5e-3
 
 _NO_NUMBERS = np.zeros(0, np.int32)
 _COLUMNS = ("number", "face", "surface", "facing", "parts", "place")
-_OPTIONAL_COLUMNS = ("curved", "pattern_gradient", "gradient_origin", "grain", "outward")
+_OPTIONAL_COLUMNS = ("curved", "pattern_gradient", "gradient_origin", "grain")
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,6 @@ class Facets:
     """(facet,) largest chord between unit normals of a corner and of the flat facet; None if unknown."""
     grain: FloatArray | None = field(default=None, kw_only=True)
     """(facet, 4) :attr:`~rfgen_sionna.tracing.surface.tessellate.Tessellation.shares`; None: each facet is a grain."""
-    outward: NDArray[np.bool_] | None = field(default=None, kw_only=True)
-    """(facet,) bent facets whose flat triangle faces away while parts of them are visible
-    (:mod:`rfgen_sionna.tracing.shadows.terminator`); None means none."""
 
     def __len__(self) -> int:
         return len(self.number)
@@ -99,10 +96,6 @@ class Facets:
     def with_pattern_gradient(self, pattern_gradient: FloatArray | None) -> Facets:
         """Copy with this :attr:`pattern_gradient` about the centroids."""
         return self._with(pattern_gradient=pattern_gradient, gradient_origin=None)
-
-    def with_outward(self, outward: NDArray[np.bool_]) -> Facets:
-        """Copy with this :attr:`outward`."""
-        return self._with(outward=outward)
 
     def _with(self, **changed: Any) -> Facets:
         found = replace(self, **changed)
@@ -143,7 +136,6 @@ class Facets:
             pattern_gradient=_filled(parts, "pattern_gradient", lambda each: np.zeros((len(each), 3))),
             gradient_origin=_filled(parts, "gradient_origin", lambda each: each.centroids),
             grain=_filled(parts, "grain", lambda each: _own_grains(len(each))),
-            outward=_filled(parts, "outward", lambda each: np.zeros(len(each), np.bool_)),
         )
         if all("centroids" in each.__dict__ for each in parts):
             found.__dict__["centroids"] = np.concatenate([each.centroids for each in parts])

@@ -24,23 +24,6 @@ def estimate_returns(corners: Any, wavenumber: Any, aside: Any = 0.0, turn: Any 
     return angles * mean_phasor(corners, wavenumber, aside)
 
 
-def off_axis_phase(corners: Any, wavenumber: float, aperture: float) -> Any:
-    """(facet,) bound of the change of the two-way phase [rad] over facets between elements within `aperture` [m]."""
-    width, distance = width_and_distance(corners)
-    return wavenumber * aperture * width / _array_module(width).maximum(distance, 1e-9)
-
-
-def width_and_distance(corners: Any) -> tuple[Any, Any]:
-    """(facet,) longest edge, and distance of the nearest corner [m]."""
-    m = _array_module(corners[0][0])
-    square = 0.0
-    for k in range(3):
-        x, y, z = (axis[k] - axis[k - 1] for axis in corners)
-        square = m.maximum(square, x * x + y * y + z * z)
-    near = _squares(corners)
-    return m.sqrt(square), m.sqrt(m.minimum(m.minimum(near[0], near[1]), near[2]))
-
-
 def solid_angles(corners: Any) -> Any:
     """(facet,) solid angles [sr] in the far field, negative for facets that face away."""
     m = _array_module(corners[0][0])
