@@ -50,21 +50,15 @@ def max_wavenumber(band: BandTracer) -> float:
 
 
 class VisibleStaticFacets(NamedTuple):
-    """Static facets, visible and occluded ones."""
+    """Visible static facets."""
 
     facets: Facets
     fraction: FloatArray
     """(facet,)"""
-    whole: int
-    """Number of uncut facets, which come first; pieces follow."""
     edges: ShadowEdges
     """Shadow boundaries on the pieces."""
     tiny: Facets
     """Facets for the gain density at each boundary."""
-    hidden: Facets
-    """Facets that are occluded, wholly or in part."""
-    hidden_fraction: FloatArray
-    """(hidden,)"""
     level: float
     """Incoherent sum of all returns, in units of
     :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.SampledVisibility.returned`."""
@@ -83,8 +77,8 @@ def find_visible_facets(
     max_range: float,
     silhouette_rays: SilhouetteRays | None,
 ) -> VisibleStaticFacets:
-    """Visible facets of the static scene, cut at shadow boundaries, and occluded ones with their visible share.
-    `tolerance` (surface,) is of the tessellation, `rtol` of the visibility."""
+    """Visible facets of the static scene, cut at shadow boundaries. `tolerance` (surface,) is of the tessellation,
+    `rtol` of the visibility."""
     facets = static_facets(surfaces, band, viewpoint, tolerance, max_range)
     near = lengths(facets.centroids - viewpoint) < max_range
     facets = facets.take(np.flatnonzero(facets.facing & near))
@@ -93,7 +87,7 @@ def find_visible_facets(
         nothing = np.zeros(len(facets))
         none = np.zeros(0, np.intp)
         edges, _ = band.edges(facets, none, np.zeros((0, 3, 3)), np.zeros((0, 4)), none, np.zeros(1))
-        return VisibleStaticFacets(facets, nothing, len(facets), edges, facets.take(none), facets, nothing, 0.0, 0.0, 0)
+        return VisibleStaticFacets(facets, nothing, edges, facets.take(none), 0.0, 0.0, 0)
     places = shared_vertices(facets.corners, facets.surface)
     guided, sent = CornerVisibility(viewpoint, facets.corners, facets.number, places).visible(rays)
     silhouette, past = (
@@ -120,9 +114,7 @@ def find_visible_facets(
         tiny = replace(
             tiny, pattern_gradient=visible.pattern_gradient[edges.owner], gradient_origin=visible.centroids[edges.owner]
         )
-    hidden = np.flatnonzero(found.fraction < 1)
     return VisibleStaticFacets(
-        visible, np.concatenate([found.fraction[whole], np.ones(len(found.owner))]), len(whole), edges, tiny,
-        facets.take(hidden), found.fraction[hidden], level, float(np.hypot(missed, edge_error[0])),
-        sent + found.rays,
+        visible, np.concatenate([found.fraction[whole], np.ones(len(found.owner))]), edges, tiny,
+        level, float(np.hypot(missed, edge_error[0])), sent + found.rays,
     )  # fmt: skip
