@@ -18,9 +18,8 @@ SCENES = "sphere, plate, dihedral, trihedral, person, living_room, car, hand"
 _TEXT = """[bold]Parts[/bold]
 
 scenes: run time and error of every method by scene, with pictures · doppler: Doppler floor of a translating adult ·
-synthesiser: this package, NumPy, torch · sampling: adaptive and uniform rays · skips: saved work of each culling rule ·
-scaling: exponents over facets, rays, paths, channels, chirps, frames, actors, bounces · pipeline: mesh to samples, a
-living room, start-up, memory
+synthesiser: this package, NumPy, torch · skips: saved work of each culling rule · scaling: exponents over facets, rays,
+paths, channels, chirps, frames, actors, bounces · pipeline: mesh to samples, a living room, start-up, memory
 
 [bold]Examples[/bold]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from rfgen_sionna._types import FloatArray
-from rfgen_sionna.pir.fusion import Refinement, image, mix_paths, occlude_traced
+from rfgen_sionna.pir.fusion import Refinement, image, mix_paths
 from rfgen_sionna.pir.image_surroundings import ImageSurroundings
 from rfgen_sionna.records import Pir, RadarPaths
 from rfgen_sionna.scene.rays import RayScene
@@ -116,13 +116,11 @@ class FusedTracer:
             report = replace(report, time_error=max(report.time_error, time_error))
             share = np.stack([np.interp(times, sampled, row) for row in share]) if len(share) else share[:, :0]
         actors, *around = mix_paths(traced.moving, self.surroundings, times, share)
-        refined = [] if traced.refined is None else [occlude_traced(traced.refined, self.surroundings)]
         if refinement is not None:
             actors = refinement(actors, self._facet_centres(traced))
-            refined = [refinement(each, traced.refined_places) for each in refined]
             around = [refinement(part, self._positions_of(part)) for part in around]
             around += refinement.added(np.linspace(start, stop, 4) if stop > start else np.array([start]))
-        return FusedFrame((actors, *refined, *around), report)
+        return FusedFrame((actors, *around), report)
 
     @property
     def _unoccluded_share(self) -> FloatArray:

@@ -179,14 +179,8 @@ def mix_paths(
     """
     if len(surroundings.pixel) == 0:
         return [paths]
-    return [occlude_traced(paths, surroundings), surroundings.paths(times, visible_share)]
-
-
-def occlude_traced(paths: RadarPaths, surroundings: ImageSurroundings) -> RadarPaths:
-    """Traced paths with their gains behind the surroundings faded out."""
-    if len(surroundings.pixel) == 0:
-        return paths
-    return _scaled(paths, surroundings.unoccluded_share(paths))
+    unoccluded = _scaled(paths, surroundings.unoccluded_share(paths))
+    return [unoccluded, surroundings.paths(times, visible_share)]
 
 
 def _scaled(paths: RadarPaths, factor: FloatArray) -> RadarPaths:

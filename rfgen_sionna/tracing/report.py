@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,14 +31,14 @@ class TraceReport(ShortRepr):
     sample_times: int
     """Number of times at which visibility and gains were traced."""
     knots: int
-    """Knots of the delays; facets under temporal refinement have more."""
+    """Number of knots of the actors' paths."""
     error: float
     """Estimated error at the sample times: the larger of that of actors and that of the static scene.
 
     Reference: the actor's own return, at the time of best visibility where another object occludes it; of the static
     scene the return of its strongest surface or the incoherent sum of all, whichever is larger.
 
-    Measured against finer settings for direct returns of actors (:mod:`rfgen_sionna.tracing.direct.run_plan`). Specular
+    Measured against finer settings for direct returns of actors (:mod:`rfgen_sionna.tracing.direct.planner`). Specular
     double bounces add omitted returns and the error of geometrical optics
     (:mod:`rfgen_sionna.tracing.curved.stationary_phase_error`), which no smaller `rtol` reduces. Routes have the
     settings of direct returns; the diffraction at the outlines of mirrors is not part of it.
@@ -61,25 +61,20 @@ class TraceReport(ShortRepr):
 
 @dataclass(frozen=True, repr=False)
 class Traced(ShortRepr):
-    """Paths over an interval of time. The channel is the sum of all parts; parts have knots of their own."""
+    """Paths over an interval of time. The channel is the sum of all parts; each has its own knots."""
 
     static: RadarPaths
     """Static scene without actors: one knot, traced once."""
     find_shadows: Callable[[], tuple[Shadow, ...]]
     """Computes `shadows`."""
     moving: RadarPaths
-    """Paths of the actors, except those in `refined`."""
-    refined: RadarPaths | None
-    """Direct returns of facets at more knots; None without any."""
+    """Paths of the actors."""
     report: TraceReport
     places: Callable[[float], FloatArray]
     """Time [s] to the (path, 3) facet centres [m] of the first paths of `moving`, the direct returns; valid until the
     next interval is traced."""
-    refined_places: Callable[[float], FloatArray]
-    """Likewise of `refined`."""
-
-    glanced = Renamed("refined")
-    glanced_places = Renamed("refined_places")
+    refined: ClassVar[None] = None
+    """Paths of actors at other knots than `moving`: none any more."""
 
     @cached_property
     def shadows(self) -> tuple[Shadow, ...]:
@@ -111,4 +106,4 @@ class Traced(ShortRepr):
     @property
     def actors(self) -> tuple[RadarPaths, ...]:
         """All paths by way of actors."""
-        return (self.moving,) if self.refined is None else (self.moving, self.refined)
+        return (self.moving,)

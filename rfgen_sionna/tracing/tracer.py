@@ -272,13 +272,10 @@ class Tracer:
             surface=traced.surface,
         )
 
-        def none(_: float) -> FloatArray:
-            return np.zeros((0, 3))
-
         def find_shadows() -> tuple[Shadow, ...]:
             return shadows if hidden is None else (*shadows, *hidden.shadows(static.paths.num_paths))
 
-        return Traced(self._static_paths, find_shadows, paths, None, report, traced.centroids, none)
+        return Traced(self._static_paths, find_shadows, paths, report, traced.centroids)
 
     def _add_routes(self, run: TraceRun, t: float) -> None:
         """Give a `run` the tracers of indirect paths of the actors, whose planar parts are those of the time `t`

@@ -23,13 +23,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks import claims, doppler, pareto, pictures, pipeline, sampling, scaling, skips, synthesisers
+from tests.benchmarks import claims, doppler, pareto, pictures, pipeline, scaling, skips, synthesisers
 from tests.benchmarks.measuring import code, default_rtol, machine, versions
 from tests.benchmarks.stored import Store
 from tests.benchmarks.subjects import BANDS, SUBJECTS
 from tests.benchmarks.tables import markdown
 
-PARTS = ("scenes", "doppler", "synthesiser", "sampling", "skips", "scaling", "pipeline")
+PARTS = ("scenes", "doppler", "synthesiser", "skips", "scaling", "pipeline")
 QUICK_SCENES = (("sphere", 77), ("person", 77), ("plate", 77), ("dihedral", 77), ("hand", 77))
 
 Result = dict[str, Any]
@@ -182,11 +182,6 @@ def _units(
         yield Unit(
             "synthesiser", "people", lambda: synthesisers.run(quick, progress),
             lambda result, found: _keep_drawn(result, "synthesiser", found, pictures.synthesisers, out),
-        )  # fmt: skip
-    if "sampling" in wanted:
-        yield Unit(
-            "sampling", "visibility", lambda: sampling.run(quick, progress),
-            lambda result, found: result.update(sampling=found),
         )  # fmt: skip
     if "skips" in wanted:
         for name, make in skips.rows(quick).items():

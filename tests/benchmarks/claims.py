@@ -72,7 +72,7 @@ def _floors(result: dict[str, Any]) -> Iterator[Claim]:
 
 
 def _rays(result: dict[str, Any]) -> Iterator[Claim]:
-    some = [("visibility of the adult", result["default_rtol"], result.get("sampling", {}).get("compared", ()))]
+    some: list[tuple[str, float, Any]] = []
     for scene in result.get("scenes", ()):
         if scene["scene"] in ("sphere", "person"):
             found = scene.get("adaptive_rays", [])

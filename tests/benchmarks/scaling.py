@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from rfgen_sionna.radar import ElementPattern, Radar
-from rfgen_sionna.scene import MeshActor
+from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.simulation import Simulator
 from rfgen_sionna.tracing.tracer import Tracer
 from tests.benchmarks import synthesis
 from tests.benchmarks.measuring import best_of, exponent
-from tests.benchmarks.skips import corner
 from tests.benchmarks.subjects import SPEED, ball, sphere, standing
 
 
@@ -115,6 +114,19 @@ def actors(quick: bool) -> tuple[list[int], list[float]]:
         run, times = tracer.follow(), iter(np.arange(100) * 1e-3)
         seconds.append(best_of(lambda tracer=tracer, run=run, times=times: _instant(tracer, next(times), run)))
     return sizes, seconds
+
+
+def corner() -> tuple[Radar, Any, MeshActor]:
+    """A metal ball before a brick wall, over a floor of concrete."""
+    radar = Radar.load("awr1843", "mmmesh", position=(-1.8, 0.3, 1.2), look_at=(0.0, 0.3, 1.0))
+    scene = load_scene("floor_wall")
+    scene.tune(radar.center_frequency)
+    place, velocity = (-0.6, 0.3, 1.2), (-SPEED, 0, 0)
+    return (
+        radar,
+        scene,
+        MeshActor.from_mesh(ball(3, 0.15), material="pec", position=place, velocity=velocity, name="ball"),
+    )
 
 
 def bounces(quick: bool) -> tuple[list[int], list[float]]:

@@ -1,8 +1,8 @@
 """What each skip of the tracer saves, and that the answer stays within the tolerance without it.
 
 A skip is turned off where it is made, by replacing the function or number that makes it. The answer is the ADC frame of
-an adult in the living room, 12 channels, in two parts that are compared each by itself: what the room returns with the
-adult's shadow, and what the adult returns. Where a skip is about something else, its row says what is shown.
+12 channels, in two parts that are compared each by itself: returns of the static scene with the actor's shadow, and
+those of the actor.
 """
 
 from __future__ import annotations
@@ -18,116 +18,68 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from rfgen_sionna.tracing.ghosts import ghosts
-from rfgen_sionna.tracing.moving import moving_visibility as sight
-from rfgen_sionna.tracing.moving import sample_times as instants
-from rfgen_sionna.tracing.reflectors import planar_reflections as bounces
-from rfgen_sionna.tracing.transmission import transmission as veils
 
 from rfgen_sionna._types import ComplexArray
 from rfgen_sionna.radar import Radar
 from rfgen_sionna.scene import MeshActor, load_scene
 from rfgen_sionna.signal import synthesize
 from rfgen_sionna.tracing import tracer
-from rfgen_sionna.tracing.gains import band as gains
-from rfgen_sionna.tracing.shadows import adaptive_sampling as sampling
-from rfgen_sionna.tracing.shadows import mirror_visibility as visibility
-from rfgen_sionna.tracing.shadows import visible_polygons as shadow_lines
-from rfgen_sionna.tracing.shadows.lattices import points_of
-from rfgen_sionna.tracing.static import static_facets
-from rfgen_sionna.tracing.static import static_reflections as static_bounces
-from rfgen_sionna.tracing.static import static_trace as static
+from rfgen_sionna.tracing.direct import run_scene
+from rfgen_sionna.tracing.direct.run_scene import RunScene
+from rfgen_sionna.tracing.direct.settings import Settings
+from rfgen_sionna.tracing.gains import band
+from rfgen_sionna.tracing.routes import image_tree, route_bounds
 from rfgen_sionna.tracing.surface import tessellate
 from tests.benchmarks.measuring import default_rtol, timed
-from tests.benchmarks.subjects import SPEED, ball, standing
+from tests.benchmarks.scaling import corner
+from tests.benchmarks.subjects import standing
 
-LOOSE = 1e-2
-"""Tolerance of rows in which only ratios matter and both sides do the same to the bit."""
+Setting = tuple[Radar, Any, MeshActor]
+
+
+def _adult(scene: str | None) -> Setting:
+    radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
+    around, mesh = load_scene(scene), standing()
+    around.tune(radar.center_frequency)
+    person = MeshActor.from_mesh((mesh.vertices(0.0), mesh.faces), material="skin", position=(3, 0, 0),
+                                 orientation=(np.pi, 0, 0), velocity=(-0.5, 0, 0), name="person")  # fmt: skip
+    return radar, around, person
+
+
+ROOM, FREE, WALL = "adult in the living room", "adult in free space", "a metal ball before a wall, over a floor"
+SETTINGS: dict[str, Callable[[], Setting]] = {
+    ROOM: cache(lambda: _adult("living_room")), FREE: cache(lambda: _adult(None)), WALL: cache(corner),
+}  # fmt: skip
+Patch = tuple[Any, str, Any]
 
 
 @dataclass(frozen=True)
 class Skip:
-    """One of them, in the living room with an adult."""
+    """One of them, with what shows it."""
 
     name: str
-    off: Callable[[], Any]
-    """Context manager within which it is off."""
+    without: tuple[Patch, ...]
+    """Replacements that turn it off."""
+    of: str = ROOM
+    """Key of :data:`SETTINGS`."""
     anew: bool = False
     """Whether it acts on what is kept from one frame to the next: frames that begin with nothing kept are compared."""
-    room: bool = True
-    """Whether the room is there; else free space."""
-    transmission: bool = False
     max_bounces: int = 1
-    rtol: float | None = None
-    """At which it acts; None is the default."""
 
-    @property
-    def allowed(self) -> float:
-        return default_rtol() if self.rtol is None else self.rtol
-
-
-def _patched(*targets: tuple[Any, str, Any]) -> Callable[[], Any]:
     @contextmanager
-    def within() -> Iterator[None]:
+    def off(self) -> Iterator[None]:
         with ExitStack() as stack:
-            for owner, name, value in targets:
+            for owner, name, value in self.without:
                 stack.enter_context(mock.patch.object(owner, name, value))
             yield
 
-    return within
+
+_COLLECT, _DEMAND, _SETTINGS = tracer.collect_surfaces, tessellate.required_splits, Settings.of
 
 
 def _open_surfaces(*arguments: Any) -> Any:
     found = _COLLECT(*arguments)
-    opened = (replace(each, closed=False, outward=np.zeros_like(each.outward)) for each in found.moving)
-    return replace(found, moving=tuple(opened))
-
-
-def uniform_share(rays: Any, viewpoint: Any, corners: Any, facet: Any, n: int = 8) -> tuple[Any, int]:
-    """(facet,) visible share by n^2 rays to each, and the number of rays."""
-    places = visibility.barycentric_lattice(n)
-    of, every = np.repeat(np.arange(len(corners)), len(places)), np.tile(places, (len(corners), 1))
-    through = rays.targets(viewpoint, corners, facet).visible(of, every).reshape(len(corners), -1)
-    return through.mean(axis=1), through.size
-
-
-_SAMPLED = sampling.sample_visibility
-
-
-def _all_rays(
-    rays: Any, viewpoint: Any, corners: Any, facet: Any, visible: Any, wavenumber: float, *more: Any, **others: Any
-) -> Any:
-    """Rays to all facets: those that would have some get these, others a lattice of more cells the more wavelengths lie
-    along them, four at least."""
-    found = _SAMPLED(rays, viewpoint, corners, facet, visible, wavenumber, *more, **others)
-    rest = np.setdiff1d(np.arange(len(corners)), found.owner)
-    _, _, width = sampling.max_returns(corners[rest] - viewpoint, wavenumber)
-    level = np.maximum(np.searchsorted(shadow_lines.SPACINGS[:-1], np.sqrt(width)), 2)
-    moving, fraction = others.get("moving", False), found.fraction.copy()
-    targets = rays.targets(viewpoint, corners[rest], facet[rest], moving)
-    more_there = shadow_lines.crossed_by_edges(targets, level, fraction[rest] > 0)
-    rays_there = int(points_of(level).sum())
-    rest, level, width = rest[more_there], level[more_there], width[more_there]
-    unoccluded = shadow_lines.find_visible_polygons(
-        rays.targets(viewpoint, corners[rest], facet[rest], moving), level, width
-    )
-    fraction[rest] = unoccluded.fraction
-    owner = np.concatenate([found.owner, rest[unoccluded.owner]])
-    pieces = np.concatenate([found.pieces, unoccluded.pieces])
-    occluder = np.concatenate(
-        [found.occluder, np.column_stack([unoccluded.occluder, np.tile([np.inf, np.nan], (len(unoccluded.owner), 1))])]
-    )
-    order = np.argsort(owner, kind="stable")
-    cut = {"owner": owner[order], "pieces": pieces[order], "occluder": occluder[order]}
-    return found._replace(fraction=fraction, rays=found.rays + rays_there + unoccluded.rays, **cut)
-
-
-def _everything(_around: Any, _viewpoint: Any, _actors: Any) -> Any:
-    return np.ones(len(_around[1]), dtype=np.bool_)
-
-
-_COLLECT = tracer.collect_surfaces
-_DEMAND = tessellate.required_splits
+    return replace(found, moving=tuple(replace(each, closed=False) for each in found.moving))
 
 
 def _as_in_the_beam(
@@ -143,65 +95,50 @@ def _everywhere(places: Any) -> Any:
     return np.ones(places.shape[:-1])
 
 
-_EVERYWHERE = (tessellate, "required_splits", _as_in_the_beam)
-_BEHIND = (static, "in_shadow_cones", _everything)
-_FACING = (tracer, "collect_surfaces", _open_surfaces)
-_PAIRS = (gains, "MONOSTATIC", 0.0)
-_RAYS = tuple((module, "sample_visibility", _all_rays) for module in (sight, static, static_facets))
-_ENERGY = ((ghosts, "OMITTED_SHARE", 0.0), (bounces, "OMITTED_SHARE", 0.0), (static_bounces, "OMITTED_SHARE", 0.0))
-_FAINT = (sight, "CULLED_PER_RTOL", 0.0)
-_PAIR = (instants, "PAIR_SPACING", 0.0)
-_VEILS = (veils.Transmission, "any_transmission", lambda self, only=None, one_way=False: True)
+_FACING: Patch = (tracer, "collect_surfaces", _open_surfaces)
+_BEAM: Patch = (tessellate, "required_splits", _as_in_the_beam)
+_PAIRS: tuple[Patch, ...] = ((band, "MONOSTATIC", 0.0), (run_scene, "MONOSTATIC", 0.0))
+_WEAK: Patch = (Settings, "of", staticmethod(lambda rtol: replace(_SETTINGS(rtol), omitted=0.0)))
+_VIEW: Patch = (RunScene, "has_parallax", lambda self, poses: self.slabs is None)
+_ROUTES: tuple[Patch, ...] = ((image_tree, "OMITTED_SHARE", 0.0), (route_bounds, "OMITTED_SHARE", 0.0))
 
 SKIPS = (
-    Skip("static parts are traced once", _patched()),
-    Skip("static facets are tested anew only behind actors", _patched(_BEHIND)),
-    Skip("facets that look away", _patched(_FACING)),
-    Skip("coarse facets outside the antenna pattern", _patched(_EVERYWHERE), anew=True),
-    Skip("more visibility rays only where neighbours differ", _patched(*_RAYS), anew=True),
-    Skip("one obliquity for a short baseline", _patched(_PAIRS)),
-    Skip("no transmission where nothing is penetrable", _patched(_VEILS), room=False, transmission=True),
-    Skip("facets that return next to nothing", _patched(_FAINT), room=False, rtol=0.1),
-    Skip("a third instant where hardly a shadow moves", _patched(_PAIR), room=False, rtol=LOOSE),
-    Skip("all of these", _patched(_BEHIND, _FACING, _EVERYWHERE, _PAIRS, *_RAYS, _FAINT, _PAIR, _VEILS), anew=True),
+    Skip("static parts are traced once", ()),
+    Skip("facets that look away", (_FACING,)),
+    Skip("coarse facets outside the antenna pattern", (_BEAM,), anew=True),
+    Skip("one obliquity for a short baseline", _PAIRS),
+    Skip("facets that return next to nothing", (_WEAK,), FREE),
+    Skip("one view for the whole array", (_VIEW,), FREE),
+    Skip("routes below the tolerance", _ROUTES, WALL, max_bounces=3),
+    Skip("all of these", (_FACING, _BEAM, *_PAIRS, _WEAK, _VIEW), anew=True),
 )
 ONCE = SKIPS[0].name
-QUICK = (SKIPS[1], SKIPS[2], SKIPS[6])
-
-
-@cache
-def _setting(room: bool) -> tuple[Radar, Any, MeshActor]:
-    radar = Radar.load("awr1843", "mmmesh", position=(0, 0, 1), look_at=(3, 0, 1))
-    scene = load_scene("living_room" if room else None)
-    scene.tune(radar.center_frequency)
-    mesh = standing()
-    person = MeshActor.from_mesh((mesh.vertices(0.0), mesh.faces), material="skin", position=(3, 0, 0),
-                             orientation=(np.pi, 0, 0), velocity=(-0.5, 0, 0), name="person")  # fmt: skip
-    return radar, scene, person
+QUICK = (SKIPS[1], SKIPS[4])
 
 
 class _Run:
     """A run of frames, a static scene kept or not."""
 
     def __init__(self, skip: Skip) -> None:
-        radar, scene, actor = _setting(skip.room)
-        self._rtol = skip.allowed
-        options = {"max_bounces": skip.max_bounces, "transmission": skip.transmission}
-        self._make = lambda: tracer.Tracer(scene, radar, [actor], self._rtol, **options)
-        self.radar, self._tracer = radar, self._make()
+        self.radar, scene, actor = SETTINGS[skip.of]()
+        self._make = lambda: tracer.Tracer(scene, self.radar, [actor], default_rtol(), max_bounces=skip.max_bounces)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._tracer = self._make()
         self._moving = self._tracer.follow()
 
     def frame(self, index: int, anew: bool = False) -> tracer.Traced:
         if anew:
-            self._tracer = self._make()
-            self._moving = self._tracer.follow()
+            self._begin()
         wave = self.radar.waveform
         start = index * wave.frame_period
         return self._tracer.trace(start, start + wave.frame_length, self._moving)
 
     def answer(self, traced: tracer.Traced, index: int) -> tuple[ComplexArray, ComplexArray, float]:
-        """Samples of the room with the adult's shadow and of the adult, and the level of the room without it."""
-        start, eps = index * self.radar.waveform.frame_period, 0.1 * self._rtol
+        """Samples of the static scene with the actor's shadow and of the actor, and the level of the static scene
+        without it."""
+        start, eps = index * self.radar.waveform.frame_period, 0.1 * default_rtol()
         still = synthesize(self.radar, traced.static, 0.0, eps=eps, device="cpu")
         level = float(np.linalg.norm(still))
         for shadow in traced.shadows:
@@ -215,16 +152,11 @@ def _difference(found: ComplexArray, expected: ComplexArray, level: float | None
     return float(np.linalg.norm(found - expected)) / level if level else float(np.linalg.norm(found) > 0)
 
 
-def _share(part: ComplexArray, level: float) -> float | None:
-    return float(np.linalg.norm(part)) / level if level else None
-
-
 def _row(name: str, on: float, off: float, differences: tuple[float, float], error_budget: float, **more: Any) -> Any:
-    holds = max(differences) <= error_budget
     return {
         "skip": name, "seconds_on": on, "seconds_off": off, "times_faster": off / max(on, 1e-9),
-        "difference_room": differences[0], "difference_actor": differences[1], "allowed": error_budget, "holds":
-        holds,
+        "difference_room": differences[0], "difference_actor": differences[1], "allowed": error_budget,
+        "holds": max(differences) <= error_budget,
     } | more  # fmt: skip
 
 
@@ -234,8 +166,7 @@ def row(skip: Skip, repeats: int = 2) -> dict[str, Any]:
     run.frame(0)
     with skip.off():
         other = _Run(skip)
-        if not skip.anew:
-            other.frame(0)
+        other.frame(0)  # kernels of both are compiled
     on, off = [], []
     for index in range(1, 1 + (1 if skip.anew else repeats)):
         elapsed, here = timed(lambda index=index: run.frame(index, skip.anew))
@@ -244,54 +175,12 @@ def row(skip: Skip, repeats: int = 2) -> dict[str, Any]:
             elapsed, there = timed(lambda index=index: other.frame(index, skip.anew or skip.name == ONCE))
         off.append(elapsed)
     ours, theirs = run.answer(here, index), other.answer(there, index)
-    # The tolerance is of what the room returns, of which the adult hides the greater part.
+    # The tolerance is of what the static scene returns, of which the actor may hide the greater part.
     differences = _difference(ours[0], theirs[0], theirs[2]), _difference(ours[1], theirs[1])
     return _row(
-        skip.name, min(on), min(off), differences,
-        skip.allowed, of="adult in the living room" if skip.room else "adult in free space",
-        difference_shadowed_room=_difference(ours[0], theirs[0]), room_left=_share(ours[0], ours[2]),
-        rtol=skip.allowed, facets_on=here.report.facets, facets_off=there.report.facets, rays_on=here.report.rays,
-        rays_off=there.report.rays,
-    )  # fmt: skip
-
-
-def corner() -> tuple[Radar, Any, MeshActor]:
-    """A metal ball before a brick wall, over a floor of concrete."""
-    radar = Radar.load("awr1843", "mmmesh", position=(-1.8, 0.3, 1.2), look_at=(0.0, 0.3, 1.0))
-    scene = load_scene("floor_wall")
-    scene.tune(radar.center_frequency)
-    place, velocity = (-0.6, 0.3, 1.2), (-SPEED, 0, 0)
-    return (
-        radar,
-        scene,
-        MeshActor.from_mesh(ball(3, 0.15), material="pec", position=place, velocity=velocity, name="ball"),
-    )
-
-
-def bounces_row() -> dict[str, Any]:
-    """Returns by way of walls that are below the tolerance are left out: a metal ball before a wall, over a floor."""
-    radar, scene, thing = corner()
-
-    def once() -> tuple[float, tracer.Traced]:
-        made = tracer.Tracer(scene, radar, [thing], LOOSE, max_bounces=3)
-        run = made.follow()
-        made.trace(0.0, 0.0, run)
-        return timed(lambda: made.trace(0.1, 0.1, run))
-
-    once()  # kernels are compiled
-    on, here = once()
-    with _patched(*_ENERGY)():
-        off, there = once()
-
-    def samples(found: tracer.Traced) -> list[ComplexArray]:
-        return [synthesize(radar, each, 0.1, eps=1e-4, device="cpu") for each in (found.static, found.moving)]
-
-    first, second = (_difference(a, b) for a, b in zip(samples(here), samples(there), strict=True))
-    return _row(
-        "bounces below the tolerance", on, off, (first, second), LOOSE,
-        of="a metal ball before a wall, over a floor, 3 bounces",
-        paths_on=here.static.num_paths + here.moving.num_paths,
-        paths_off=there.static.num_paths + there.moving.num_paths,
+        skip.name, min(on), min(off), differences, default_rtol(), of=skip.of,
+        difference_shadowed_room=_difference(ours[0], theirs[0]), facets_on=here.report.facets,
+        facets_off=there.report.facets,
     )  # fmt: skip
 
 
@@ -384,6 +273,4 @@ def rows(quick: bool) -> dict[str, Callable[[], list[dict[str, Any]]]]:
     made: dict[str, Callable[[], list[dict[str, Any]]]] = {
         skip.name: lambda skip=skip: [row(skip, 1 if quick else 2)] for skip in (QUICK if quick else SKIPS)
     }
-    if not quick:
-        made["bounces"] = lambda: [bounces_row()]
     return made | {"range window": lambda: [window_row()], "imports and diffusion": process_rows}

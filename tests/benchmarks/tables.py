@@ -101,19 +101,10 @@ def markdown(result: dict[str, Any]) -> str:
             for row in result["synthesiser"]["rows"]
         ]
         text.append(_table(heads, rows))
-    if "sampling" in result:
-        text.append("## Rays for visibility, uniform and adaptive\n")
-        rows = [
-            [row["method"], _setting({"rtol": row["rtol"]} if "rtol" in row else {}), f"{row['rays']:,}",
-             _number(row["relative"]), _number(1e3 * row["seconds"])]
-            for row in result["sampling"]["rows"]
-        ]  # fmt: skip
-        text.append(_table(["method", "setting", "rays", "rel. error", "ms"], rows))
-        text += [_share(row) for row in result["sampling"]["compared"]]
     if "skips" in result:
         text.append("## Skips\n")
-        heads = ["skip", "shown with", "s with", "s without", "times faster", "room differs", "adult differs",
-                 "allowed", "holds", "of what the adult leaves of the room"]  # fmt: skip
+        heads = ["skip", "shown with", "s with", "s without", "times faster", "scene differs", "actor differs",
+                 "allowed", "holds", "of what the actor leaves of the scene"]  # fmt: skip
         rows = [
             [
                 row["skip"], row["of"], _number(row["seconds_on"]), _number(row["seconds_off"]),

@@ -43,8 +43,8 @@ def mirror(radar, half, slabs):
     ("name", "thickness"), [(None, 0.0), ("glass", 0.006), pytest.param("plasterboard", 0.0125, marks=pytest.mark.slow)]
 )
 def test_a_mirror_and_one_behind_a_slab_are_as_sionna_reflects_and_refracts(name, thickness):
-    """Every element pair's complex return, behind a slab and without one, within 1 % (0.1 dB): a facet has the slab's coefficients in
-    its middle.
+    """Every element pair's complex return, behind a slab and without one, within 1 % (0.1 dB): a facet has the
+    slab's coefficients of its middle.
 
     A single mirror of 1.2 m strays by up to 7 %: four rims return up to 2 % each, which ray optics does not have, and
     these meet the slab at other angles than the mirror's middle does. Over :func:`sides` they cancel.

@@ -137,8 +137,6 @@ class BandTracer:
         materials: tuple[Material, ...],
         weight: FloatArray,
         coherent: bool = True,
-        reference: FloatArray | None = None,
-        apart: IntArray | None = None,
         strength: FloatArray | None = None,
     ) -> Expansion:
         """Smallest expansion whose coherent sums are right to a share of `rtol`, over the band and the outermost pairs.
@@ -146,30 +144,24 @@ class BandTracer:
         Only sums count: gains at oblique incidence vary over the band and cancel. Probes are one pair over the band,
         and the outermost pairs with some others in its middle and at its ends. `weight` (facet,) is visibility times
         pattern gain. Errors are relative to the coherent sum, or without `coherent` to the incoherent sum where it is
-        larger. `reference` is that of :meth:`values`. Each of the tolerance groups `apart` (surface,) is right; None
-        makes one group. `strength` (facet,) is the weighted gain's magnitude up to a factor; None computes it.
+        larger. `strength` (facet,) is the weighted gain's magnitude up to a factor; None computes it.
         """
         if len(facets) > self.probe_facets:
             if strength is None:
                 once = self.at_probes(facets, materials, np.zeros(1), (0, 0), np.ones(len(facets), np.int32))
                 strength = np.abs(once.a[0] * weight)
-            groups = [np.arange(len(facets))]
-            if apart is not None:
-                tolerance_group = apart[facets.surface]
-                groups = [np.flatnonzero(tolerance_group == number) for number in np.unique(tolerance_group)]
-            most = max(self.probe_facets // len(groups), MIN_PROBE_FACETS)
-            strongest = np.sort(np.concatenate([own[np.argsort(-strength[own])[:most]] for own in groups]))
+            most = max(self.probe_facets, MIN_PROBE_FACETS)
+            strongest = np.sort(np.argsort(-strength)[:most])
             facets, weight = facets.take(strongest), weight[strongest]
-            reference = None if reference is None else reference[strongest]
         pairs = self.expansions.representative()
         middle, ends = np.zeros(len(pairs)), np.repeat([-1.0, 1.0], len(pairs))
         order, degree = 1, 0
 
         def probes(u: FloatArray, at: IntArray) -> Probes:
-            return self._probes(facets, materials, weight, u, at, coherent, reference, apart)
+            return self._probes(facets, materials, weight, u, at, coherent)
 
         def error(probes: Probes, found: Expansion) -> float:
-            return self._error(facets, materials, probes, found, reference)
+            return self._error(facets, materials, probes, found)
 
         def fits(u: FloatArray, at: IntArray, basis: list[tuple[int, ...]]) -> bool:
             return error(probes(u, at), self.expansions.through(basis)) <= EXPANSION_SHARE * self._rtol
@@ -300,28 +292,16 @@ class BandTracer:
         u: FloatArray,
         pairs: IntArray,
         coherent: bool,
-        reference: FloatArray | None = None,
-        apart: IntArray | None = None,
     ) -> Probes:
-        nodes = self.expansions.nodes(u, pairs)
-        if reference is None:
-            exact = self._gains(facets, materials, nodes)
-        else:
-            exact = self._integrated(facets, materials, nodes, facets.parts, reference=reference)
+        exact = self._gains(facets, materials, self.expansions.nodes(u, pairs))
         waves = weight * phasors(self.frequency(u)[:, None] * exact.tau)
-        group, count = (
-            (np.zeros(len(facets), np.int32), 1) if apart is None else (apart[facets.surface], len(materials))
-        )
+        group, count = np.zeros(len(facets), np.int32), 1
         single, strongest = np.abs(exact.a * weight), np.zeros(count)
         np.maximum.at(strongest, group, single.max(axis=0, initial=0.0))
         scale = np.maximum(root_mean_square(sum_by_surface(exact.a * waves, group, count)), CANCELLED * strongest)
         # The level of several surfaces, as of a room, is their incoherent sum.
-        incoherent = np.full(count, not coherent)
-        if apart is not None:
-            incoherent |= np.bincount(apart, minlength=count) > 1
-        if incoherent.any():
-            alone = np.sqrt(np.bincount(group, (single**2).mean(axis=0), count))
-            scale = np.where(incoherent, np.maximum(scale, alone), scale)
+        if not coherent:
+            scale = np.maximum(scale, np.sqrt(np.bincount(group, (single**2).mean(axis=0), count)))
         return Probes(u, pairs, exact.a, waves, group, scale)
 
     def _error(
@@ -330,10 +310,9 @@ class BandTracer:
         materials: tuple[Material, ...],
         probes: Probes,
         expansion: Expansion,
-        reference: FloatArray | None = None,
     ) -> float:
-        """Largest relative error of the groups' coherent sums at the probes."""
-        values = self.values(facets, materials, expansion, reference)
+        """Largest relative error of the coherent sums at the probes."""
+        values = self.values(facets, materials, expansion)
         found = np.vander(probes.u, expansion.order, increasing=True)  # (probe, order)
         weights = expansion.weights.reshape(expansion.order, -1, len(values))[:, probes.pairs]
         rows = np.einsum("pk,kpn->pn", found, weights)
@@ -377,7 +356,6 @@ class BandTracer:
                 origin=self._origin,
                 steady=steady,
                 kinds=slopes,
-                outward=facets.outward[index] if curved and facets.outward is not None else None,
             )
 
         return split_by_curvature(facets.curved, of)

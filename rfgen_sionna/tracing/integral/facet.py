@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
 from rfgen_sionna.scene.kernels import FrozenKernel, drjit_types, upload
-from rfgen_sionna.tracing.integral.mirror_lanes import MirrorLanes, MirrorLegs, mirror_tables, mirrors_of_lanes
 from rfgen_sionna.tracing.integral.obliquity import Media, dispersion, media_of_lanes, media_tables
 from rfgen_sionna.tracing.integral.quadratic import (
     SlopeOrder,
@@ -39,13 +38,6 @@ from rfgen_sionna.tracing.integral.quadratic import (
     sum_terms,
 )
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
-from rfgen_sionna.tracing.integral.slabs import (
-    SlabStackLanes,
-    SlabStacks,
-    slab_delay_length,
-    slab_stack_tables,
-    slab_stacks_of_lanes,
-)
 from rfgen_sionna.tracing.integral.triangle import FacetLanes, triangle_gain
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 
@@ -124,10 +116,8 @@ def facet_gains(
     rx_field: FloatArray,
     parts: IntArray | None = None,
     monostatic: bool = False,
-    via: MirrorLegs | None = None,
     reference: FloatArray | None = None,
     patch: QuadraticPatch | None = None,
-    slab_stacks: tuple[SlabStacks, SlabStacks] | None = None,
     axes: FloatArray | None = None,
     pattern_gradient: FloatArray | None = None,
     gradient_origin: FloatArray | None = None,
@@ -135,7 +125,6 @@ def facet_gains(
     origin: FloatArray | None = None,
     steady: bool = False,
     kinds: SlopeOrder = SlopeOrder.SECOND,
-    outward: NDArray[np.bool_] | None = None,
 ) -> FacetGains:
     """Gain of every facet at every node.
 
@@ -153,27 +142,23 @@ def facet_gains(
         (facet,) n of the n^2 equal triangles that a facet is integrated as; None means 1.
     monostatic
         Obliquity and Fresnel coefficients of an element half way: half the time, error (baseline / distance)^2 / 4.
-    via, slab_stacks
-        Mirrors and slabs on the legs of Tx and Rx; delays include them. None means direct legs.
     reference
         (facet, 3) points [m] of the delays, whose propagation phase the gains lack; None means the centroids.
     patch
         Quadratic patches of bent facets; None means flat facets.
     axes, kinds
         (axis, 3) displacements [m] of Tx and Rx together, their sum, for slopes of the gains, and order of the slopes.
-        None computes no slopes. Neither with mirrors nor with slabs.
+        None computes no slopes.
     pattern_gradient, gradient_origin
         (facet, 3) gradient of the pattern gain's logarithm [1/m], None means constant gain; (facet, 3) points [m] of
-        unit gain, None means the centroids. Neither with mirrors nor with slabs.
+        unit gain, None means the centroids.
     buffer
         Output buffer to write into, and to return as a whole; None allocates one.
     origin
-        (3,) origin [m] of the frame of nodes, mirrors and slabs in that of the facets; None means the same frame.
+        (3,) origin [m] of the frame of the nodes in that of the facets; None means the same frame.
     steady
-        Take the reflection for linear over the nodes. Nodes of one pair, without mirrors and slabs, then share all but
-        the phase integral. Relative error 0.1 to 0.2 times (band / frequency)^2.
-    outward
-        (facet,) facets that keep their orientation though their flat triangle faces away; None means none.
+        Take the reflection for linear over the nodes. Nodes of one pair then share all but the phase integral. Relative
+        error 0.1 to 0.2 times (band / frequency)^2.
     """
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32
@@ -185,7 +170,7 @@ def facet_gains(
     if buffer.found is None:
         buffer.found, buffer.tau = dr.empty(Float, 2 * prod(sizes)), dr.empty(Float, shape[0] * buffer.count)
     elements = [nodes.tx, nodes.rx, 2 * np.pi / SPEED_OF_LIGHT * np.asarray(nodes.frequency, np.float64)[:, None]]
-    together = steady and via is None and slab_stacks is None and nodes.one_pair and not media.slabs
+    together = steady and nodes.one_pair and not media.slabs
     if together:
         media = media.mean()
     given: dict[str, Any] = {
@@ -211,8 +196,6 @@ def facet_gains(
     if patch is not None:
         arrays |= {"sagittas": patch.sagittas, "corner_offsets": patch.corner_offsets}
     given |= {name: upload(Float, values) for name, values in arrays.items() if values is not None and len(values)}
-    if outward is not None and outward.any():
-        given["outward"] = upload(UInt32, outward.astype(np.uint32))
     if parts is not None and int(np.max(parts)) > 1:
         given["parts"] = upload(UInt32, np.asarray(parts, np.uint32))
         # Lanes computed together take as long as the one of most parts; 16-bit integers sort quickly.
@@ -220,13 +203,6 @@ def facet_gains(
         given["order"] = upload(UInt32, order.astype(np.uint32))
     if (axes is not None or (together and len(nodes) > 1)) and (drifted := media.drifted) is not None:
         given["drifted"] = media_tables(dr, types, drifted)
-    if via is not None:
-        given["via"] = mirror_tables(dr, types, via)
-    if slab_stacks is not None:
-        given["slab_stacks"] = [
-            slab_stack_tables(dr, types, each, nodes.frequency)
-            for each in (slab_stacks[:1] if via is None and slab_stacks[0] is slab_stacks[1] else slab_stacks)
-        ]
     if buffer.index is not None:
         given["place"] = upload(UInt32, np.asarray(buffer.index, np.uint32))
     _INTEGRATED(given, monostatic, None if axes is None else len(axes), int(kinds), len(nodes) if together else 1)
@@ -262,55 +238,23 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
     material = whole("material", facet)
     medium = media_of_lanes(dr, types, given["media"], node, material, wavenumber)
     field_of_tx, field_of_rx = vector("fields", UInt32(0)), vector("fields", UInt32(1))
-    walls = None
-    if "via" in given:
-        walls = first, last = mirrors_of_lanes(dr, types, given["via"], facet, node, wavenumber)
-        if first is not None:
-            t, field_of_tx = first.image(dr, t), first.turned(dr, field_of_tx)
-        if last is not None:
-            r, field_of_rx = last.image(dr, r), last.turned(dr, field_of_rx)
-    elif "slab_stacks" in given:
-        walls = (None, None)
     middle = (p[0] + p[1] + p[2]) / 3.0
     through = placed("reference", facet) if "reference" in given else middle
     cross = dr.cross(p[1] - p[0], p[2] - p[0])
-    slopes = list[Any]()
-    if "slab_stacks" in given:
-        upright = cross / dr.maximum(dr.squared_norm(cross), 1e-300)
-        slopes = [dr.cross(upright, p[(k + 2) % 3] - p[(k + 1) % 3]) for k in range(3)]
     # A bent facet's side is the one towards the radar: single elements may differ.
-    away = dr.dot(cross, middle if "sagittas" in given and "via" not in given else middle - t) > 0
-    if "outward" in given:
-        away &= whole("outward", facet) == 0
+    away = dr.dot(cross, middle if "sagittas" in given else middle - t) > 0
     cross = dr.select(away, -cross, cross)
     sagittas = None
     if "sagittas" in given:
         sagittas = [vector("sagittas", 3 * facet + edge) for edge in range(3)]
         if "corner_offsets" in given:
             p = [corner + vector("corner_offsets", 3 * facet + k) for k, corner in enumerate(p)]
-    crossed = SlabStackLanes([], []), SlabStackLanes([], [])
-    turn, bulk = None, 0.0
-    if "slab_stacks" in given and walls is not None:
-
-        def lanes(of: dict[str, Any], wall: MirrorLanes | None) -> SlabStackLanes:
-            def mirrored(direction: Any) -> Any:
-                return direction if wall is None else wall.turned(dr, direction)
-
-            return slab_stacks_of_lanes(dr, types, of, mirrored, facet, node, wavenumber)
-
-        there, *back = given["slab_stacks"]
-        crossed_there = lanes(there, walls[0])
-        crossed = crossed_there, lanes(back[0], walls[1]) if back else crossed_there
-        ways = dr.normalize(through - t), dr.normalize(r - through)
-        bulk = slab_delay_length(dr, crossed[0], ways[0]) + slab_delay_length(dr, crossed[1], ways[1])
-        sin, cos = dr.sincos(wavenumber * bulk)
-        turn = ComplexPair(cos, sin)
     ends = t, r, field_of_tx, field_of_rx
     gradient = None
     if "pattern_gradient" in given:
         gradient_origin = placed("gradient_origin", facet) if "gradient_origin" in given else middle
         gradient = vector("pattern_gradient", facet), gradient_origin
-    surface = FacetLanes(cross, away, medium, *ends, monostatic, walls, middle, slopes, crossed, turn, gradient)
+    surface = FacetLanes(cross, away, medium, *ends, monostatic, gradient)
     moved = None if axes is None else [vector("axes", UInt32(axis)) for axis in range(axes)]
     parts = whole("parts", facet) if "parts" in given else None
     common = dr, Array3, Complex, surface
@@ -342,7 +286,7 @@ def _integrate(given: dict[str, Any], monostatic: bool, axes: int | None, kinds:
         changing = given["media"], given["drifted"]
         rate = dispersion(dr, types, changing, *known, (field_of_tx, field_of_rx))
         terms = [_dispersed(each, rate, there - wavenumber) for each, there in zip(terms, wavenumbers, strict=True)]
-    length = dr.norm(through - t) + dr.norm(r - through) + bulk
+    length = dr.norm(through - t) + dr.norm(r - through)
     # In the memory layout of NumPy's complex numbers.
     place = node * given["buffer"] + (whole("place", facet) if "place" in given else facet)
     size = given["size"]

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray, IntArray
-from rfgen_sionna.scene.kernels import drjit_types, upload
+from rfgen_sionna._types import SPEED_OF_LIGHT, ComplexArray, FloatArray
+from rfgen_sionna.scene.kernels import upload
 from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 
@@ -266,21 +266,3 @@ def _slab(dr: Any, r: Any, trip: Any) -> Any:
     # A slab without thickness reflects nothing, at grazing incidence too.
     vanishing = below.real * below.real + below.imag * below.imag < 1e-24
     return dr.select(vanishing, 0.0, r * (1.0 - trip) / dr.select(vanishing, 1.0, below))
-
-
-def strongest_reflection(
-    materials: Sequence[Material], of: IntArray, cos: FloatArray, frequencies: FloatArray
-) -> FloatArray:
-    """(ray,) largest |r_s| or |r_p| over `frequencies` [Hz] of material `of` (ray,) at incidence `cos` (ray,)."""
-    dr, types = drjit_types()
-    Float, UInt32 = types.Float64, types.UInt32
-    shape = (len(frequencies), len(of))
-    media = Media.at(materials, frequencies, 0.5 * float(np.ptp(frequencies)))
-    wavenumber = Float(np.repeat(2 * np.pi / SPEED_OF_LIGHT * frequencies, len(of)))
-    node = UInt32(np.repeat(np.arange(len(frequencies)), len(of)).astype(np.uint32))
-    tables = media_tables(dr, types, media)
-    medium = media_of_lanes(dr, types, tables, node, UInt32(np.tile(of, shape[0]).astype(np.uint32)), wavenumber)
-    angle = Float(np.tile(np.clip(cos, 0.0, 1.0), shape[0]))
-    r_s, r_p = reflection(dr, types.Complex2f64, medium, angle, 1.0 - angle * angle)
-    sizes = [(r.real * r.real + r.imag * r.imag).numpy() for r in (r_s, r_p)]
-    return np.asarray(np.sqrt(np.maximum(*sizes)).reshape(shape).max(axis=0), dtype=np.float64)

@@ -14,8 +14,6 @@ first order, and its variance to second order.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
@@ -112,11 +110,3 @@ def mean_phasor(
     variance = (ka * ka + kb * kb + kc * kc) / 15.0 - (ka * kb + kb * kc + kc * ka) * (2.0 / 45.0)
     exponent = min(0.5 * variance, MAX_DAMPING)
     return total / (1.0 + exponent * (1.0 + 0.5 * exponent))
-
-
-@njit(cache=True)
-def mean_phasors(phases: Any, strengths: Any, sagittas: Any, found: Any) -> None:
-    """:func:`mean_phasor` (lane,) into `found`, of `phases`, `strengths` and `sagittas` (lane, 3)."""
-    for k in range(found.shape[0]):
-        p, w, s = phases[k], strengths[k], sagittas[k]
-        found[k] = mean_phasor(p[0], p[1], p[2], w[0], w[1], w[2], s[0], s[1], s[2])

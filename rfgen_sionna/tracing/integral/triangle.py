@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from rfgen_sionna.tracing.integral.mirror_lanes import MirrorLanes
 from rfgen_sionna.tracing.integral.obliquity import (
     MIN_RELATIVE_STRENGTH,
     Medium,
@@ -14,9 +13,7 @@ from rfgen_sionna.tracing.integral.obliquity import (
     transverse,
 )
 from rfgen_sionna.tracing.integral.quadratic import PathVariation, Quadratic, SlopeOrder, mean_of_three, variation_pairs
-from rfgen_sionna.tracing.integral.reflected import ReflectedStrength
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
-from rfgen_sionna.tracing.integral.slabs import SlabStackLanes
 
 MAX_PATTERN_GRADIENT = 1.0
 """Bound of the logarithm of the pattern gain's change over a facet: real patterns are this steep only near nulls."""
@@ -39,16 +36,6 @@ class FacetLanes(NamedTuple):
     tx_field: Any
     rx_field: Any
     monostatic: bool
-    walls: tuple[MirrorLanes | None, MirrorLanes | None] | None
-    """Mirrors of Tx and Rx; `tx`, `rx` and their fields are those of the images. None means direct legs."""
-    middle: Any
-    """Centroid [m]."""
-    slopes: list[Any]
-    """Gradients of the barycentric coordinates [1/m]; empty without slabs."""
-    crossed: tuple[SlabStackLanes, SlabStackLanes]
-    """Slabs on the legs of Tx and Rx."""
-    turn: ComplexPair | None
-    """Phasor that removes the phase of the slabs' bulk, which is part of the delay; None without slabs."""
     pattern_gradient: tuple[Any, Any] | None
     """Gradient of the pattern gain's logarithm [1/m], and its origin [m]; None means constant gain."""
 
@@ -92,7 +79,7 @@ def triangle_gain(
     spread = dr.select(usable, distance_tx * distance_rx, 1.0)
     k_in = from_tx * (1.0 / dr.maximum(distance_tx, 1e-30))
     k_out = to_rx * (1.0 / dr.maximum(distance_rx, 1e-30))
-    if sagittas is None or surface.walls is not None:  # an element in the facet's plane, the other behind it
+    if sagittas is None:  # an element in the facet's plane, the other behind it
         usable &= (dr.dot(normal, r - centre) > 0) & (dr.dot(normal, centre - t) < 0)
 
     lengths = [excess(corner, centre) for corner in p]
@@ -124,46 +111,39 @@ def triangle_gain(
         found = [(strength(point, normal), area_ratio) for point, normal, area_ratio in places]
         return [each if area_ratio is None else each.scaled(area_ratio) for each, area_ratio in found]
 
-    if surface.walls is not None:  # images in different directions have no element half way
-        by_wall = ReflectedStrength(dr, vector, complex_type, surface, middle, facing)
-        strengths = everywhere(by_wall.at)
-        strength_sagittas = _strength_sagittas(strengths, None if sagittas is not None else by_wall.at(middle, normal))
-    else:
-        strengths = everywhere(at)
-        half_way = None if sagittas is not None and surface.monostatic else at(middle, facing)
-        strength_sagittas = _strength_sagittas(strengths, None if sagittas is not None else half_way)
-        if surface.monostatic:
-            ratio = dr.square(dr.norm(middle - element)) / spread
-            strengths = [each.scaled(ratio) for each in strengths]
-            strength_sagittas = [each.scaled(ratio) for each in strength_sagittas]
-            half_way = None if half_way is None else half_way.scaled(ratio)
-        elif half_way is not None:
-            e_tx, e_rx = transverse(dr, surface.tx_field, k_in), transverse(dr, surface.rx_field, k_out)
-            given = dr, complex_type, surface.medium
-            there = ScatteredWave(dr, vector, facing, k_in, e_tx, k_out, e_rx).obliquity(*given)
-            back = ScatteredWave(dr, vector, facing, -k_out, e_rx, -k_in, e_tx).obliquity(*given)
-            more = ComplexPair(there.re + back.re, there.im + back.im).scaled(0.5 / spread) - half_way
-            if sagittas is not None:
-                faced = (dr.dot(facing, k_in) < 0) & (dr.dot(facing, k_out) > 0)
-                more = ComplexPair(dr.select(faced, more.re, 0.0), dr.select(faced, more.im, 0.0))
-            strengths = [
-                each + (more if area_ratio is None else more.scaled(area_ratio))
-                for each, (_, _, area_ratio) in zip(strengths, places, strict=False)
-            ]
-            half_way = half_way + more
-        if surface.pattern_gradient is not None:
-            slope, gradient_origin = surface.pattern_gradient
+    strengths = everywhere(at)
+    half_way = None if sagittas is not None and surface.monostatic else at(middle, facing)
+    strength_sagittas = _strength_sagittas(strengths, None if sagittas is not None else half_way)
+    if surface.monostatic:
+        ratio = dr.square(dr.norm(middle - element)) / spread
+        strengths = [each.scaled(ratio) for each in strengths]
+        strength_sagittas = [each.scaled(ratio) for each in strength_sagittas]
+        half_way = None if half_way is None else half_way.scaled(ratio)
+    elif half_way is not None:
+        e_tx, e_rx = transverse(dr, surface.tx_field, k_in), transverse(dr, surface.rx_field, k_out)
+        given = dr, complex_type, surface.medium
+        there = ScatteredWave(dr, vector, facing, k_in, e_tx, k_out, e_rx).obliquity(*given)
+        back = ScatteredWave(dr, vector, facing, -k_out, e_rx, -k_in, e_tx).obliquity(*given)
+        more = ComplexPair(there.re + back.re, there.im + back.im).scaled(0.5 / spread) - half_way
+        if sagittas is not None:
+            faced = (dr.dot(facing, k_in) < 0) & (dr.dot(facing, k_out) > 0)
+            more = ComplexPair(dr.select(faced, more.re, 0.0), dr.select(faced, more.im, 0.0))
+        strengths = [
+            each + (more if area_ratio is None else more.scaled(area_ratio))
+            for each, (_, _, area_ratio) in zip(strengths, places, strict=False)
+        ]
+        half_way = half_way + more
+    if surface.pattern_gradient is not None:
+        slope, gradient_origin = surface.pattern_gradient
 
-            def pattern_gain(point: Any) -> Any:
-                exponent = dr.dot(slope, point - gradient_origin)
-                return dr.exp(dr.clip(exponent, -MAX_PATTERN_GRADIENT, MAX_PATTERN_GRADIENT))
+        def pattern_gain(point: Any) -> Any:
+            exponent = dr.dot(slope, point - gradient_origin)
+            return dr.exp(dr.clip(exponent, -MAX_PATTERN_GRADIENT, MAX_PATTERN_GRADIENT))
 
-            bent = half_way is None or sagittas is not None
-            in_middle = None if half_way is None or bent else half_way.scaled(pattern_gain(middle))
-            strengths = [
-                each.scaled(pattern_gain(point)) for each, (point, _, _) in zip(strengths, places, strict=True)
-            ]
-            strength_sagittas = _strength_sagittas(strengths, in_middle)
+        bent = half_way is None or sagittas is not None
+        in_middle = None if half_way is None or bent else half_way.scaled(pattern_gain(middle))
+        strengths = [each.scaled(pattern_gain(point)) for each, (point, _, _) in zip(strengths, places, strict=True)]
+        strength_sagittas = _strength_sagittas(strengths, in_middle)
     quadratic = Quadratic(lengths, length_sagittas, strengths[:3], strength_sagittas)
     ways, path_curvatures = None, list[PathVariation]()
     if axes is not None:

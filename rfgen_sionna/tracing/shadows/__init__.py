@@ -1,1 +1,1 @@
-"""Visibility of facets: adaptive sampling, silhouettes, visible polygons, terminator and shadow boundaries."""
+"""Visibility of static facets by rays: adaptive sampling, silhouettes, visible polygons and shadow boundaries."""

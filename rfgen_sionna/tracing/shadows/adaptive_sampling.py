@@ -7,7 +7,6 @@ for undetected boundaries as well. Shadows finer than the finest lattice keep th
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from rfgen_sionna.scene.mesh import bounds, lengths
 from rfgen_sionna.tracing.shadows.lattice_sampling import LatticeSampler, OccluderTest
 from rfgen_sionna.tracing.shadows.lattices import SPACINGS, inset_points, points_of
 from rfgen_sionna.tracing.shadows.return_bounds import corners_of, error_budget, max_boundary_returns, max_returns
-from rfgen_sionna.tracing.shadows.visible_polygons import EDGE_INSET, VisibilitySampler, find_visible_polygons
+from rfgen_sionna.tracing.shadows.visible_polygons import EDGE_INSET
 
 MISSED_PER_RTOL = 0.25
 """Allowed error of shadow boundaries over the incoherent sum of all returns, per unit of the tolerance."""
@@ -37,10 +36,6 @@ _SEARCH_SHARE = 0.5
 """Share of the error budget for facets that the search skips."""
 _MAX_EDGES = 32.0
 """Most shadow boundaries assumed on one facet; bounds the lattice."""
-_CHORD = 0.45
-"""Mean chord over the longest side of an equilateral triangle: pi times area over perimeter (Cauchy)."""
-_UNSAMPLED_EDGE_RETURN = 0.25
-"""Return error of an unsampled boundary over the bound of a cut facet: covers bodies' measured errors by half."""
 _MAX_ROUNDS = 3
 """Most refinements after the returns turned out to be less than half of the guide rays' estimate."""
 
@@ -97,15 +92,8 @@ def sample_visibility(
     rtol: float,
     silhouette: FloatArray | None = None,
     weight: FloatArray | None = None,
-    group: NDArray[np.integer[Any]] | None = None,
-    before: NDArray[np.bool_] | None = None,
-    level: FloatArray | float = 0.0,
-    moving: bool = False,
     search: bool = False,
-    times: int = 1,
-    ray_spacing: float = 0.0,
     places: IntArray | None = None,
-    occluded: IntArray | None = None,
     reach: float = 0.0,
     occluder_distance: float = np.inf,
     shadowing: FloatArray | None = None,
@@ -129,22 +117,11 @@ def sample_visibility(
         None uses the corners alone.
     weight
         (facet,) field gain of the antennas; None is 1.
-    group, level
-        (facet,) groups, None makes one; and (group,) the least incoherent sum of returns that `rtol` refers to.
-    before
-        (facet, 3) visible corners without the actors: other facets count as fully visible. None ignores it.
-    moving
-        Whether only moving objects occlude; shares are then relative to the static visibility.
     search
         Whether facets without a known boundary are searched for one, with the static budget; shadows narrower than a
         quarter of a facet are neither found nor in `missed`.
-    times
-        Number of sample times in this call; scales the budget of points.
-    ray_spacing
-        Angle between silhouette rays [rad]; adds boundaries that fall between two rays to `missed`.
-    places, occluded
-        (facet, 3) numbers of :func:`shared_vertices`, for boundaries between two facets, None skips these; and the
-        numbers of further, occluded facets.
+    places
+        (facet, 3) numbers of :func:`shared_vertices`, for boundaries between two facets; None skips these.
     reach, occluder_distance
         Largest distance of an element and least one of an occluder [m]: adds the boundary's return for other elements.
     shadowing
@@ -163,16 +140,12 @@ def sample_visibility(
     unoccluded = visible[:, 0].astype(np.int8) + visible[:, 1] + visible[:, 2]
     fraction = unoccluded / 3.0
     mixed = (unoccluded > 0) & (unoccluded < 3)
-    if before is not None:
-        changed = (visible != before).any(axis=1)
-        share = np.minimum(unoccluded / np.maximum(before.sum(axis=1), 1), 1.0)
-        fraction, mixed = np.where(changed, share, 1.0), changed & (unoccluded > 0)
     silhouette = np.zeros(count) if silhouette is None else silhouette
     passed = silhouette > 0
     edged, skipped, sent = mixed | passed, np.zeros(count), 0
     least = np.full(count, -1, np.intp)
-    sampler = LatticeSampler(rays, viewpoint, corners, facet, moving, width, fraction)
-    patch, most_points = CURVED_EDGE_ERROR, times * _MAX_POINTS
+    sampler = LatticeSampler(rays, viewpoint, corners, facet, width, fraction)
+    patch, most_points = CURVED_EDGE_ERROR, _MAX_POINTS
     if search:
         allowed = _SEARCH_SHARE * MISSED_PER_RTOL * rtol * float(np.linalg.norm(most * fraction))
         least, skipped, sent = sampler.search(np.where(edged, 0.0, cut), allowed)
@@ -182,24 +155,16 @@ def sample_visibility(
     some = np.flatnonzero(passed)
     size = lengths(corners[some] - corners[some][:, [1, 2, 0]]).max(axis=1, initial=0.0)
     size /= np.maximum(lengths(offset[some]).min(axis=1, initial=np.inf), 1e-9)
-    wide = np.zeros(count)
-    wide[some] = size
     # A silhouette counts on both sides of a body.
     errors[some] *= np.clip(0.5 * silhouette[some] / np.maximum(size, 1e-300), 1.0, _MAX_EDGES) ** 2
     share = np.sqrt(1.0 - _SEARCH_SHARE**2) if search else 1.0
-    groups = np.zeros(1, np.intp) if group is None else np.flatnonzero(np.bincount(group[edged]))
-    members = [np.arange(count) if group is None else np.flatnonzero(group == each) for each in groups]
-    floors = np.full(len(groups), level) if np.ndim(level) == 0 else np.asarray(level)[groups]
-    total, wanted = np.full(len(groups), np.inf), np.zeros(count)
+    total, wanted, some = np.inf, np.zeros(count), np.flatnonzero(edged)
     for _ in range(_MAX_ROUNDS):
-        previous, total = total, np.maximum([np.linalg.norm(most[mine] * fraction[mine]) for mine in members], floors)
+        previous, total = total, float(np.linalg.norm(most * fraction))
         # Light through gaps is overestimated by corners: refine.
-        again = (total < 0.5 * previous) & ((total > 0) | np.isinf(previous))
-        if not again.any():
+        if total >= 0.5 * previous or (total <= 0 and np.isfinite(previous)):
             break
-        for mine, returns in zip(members, np.where(again, total, previous).tolist(), strict=True):
-            some = mine[edged[mine]]
-            wanted[some] = np.sqrt(errors[some] / error_budget(errors[some], share * MISSED_PER_RTOL * rtol * returns))
+        wanted[some] = np.sqrt(errors[some] / error_budget(errors[some], share * MISSED_PER_RTOL * rtol * total))
         # A coarser lattice would lose an edge that the search found.
         closely = np.flatnonzero(edged & ((wanted > np.sqrt(patch / CORNER_ERROR)) | (least >= 0)))
         finer = np.full(count, -1, np.intp)
@@ -216,12 +181,8 @@ def sample_visibility(
     whole = got_by & sampled & ((fraction == 0) | (fraction == 1))
     narrow = np.flatnonzero(whole & (lattice < len(SPACINGS) - 1) & (np.array(SPACINGS)[lattice] < wanted**2))
     sampler.sample(narrow[np.cumsum(points_of(lattice[narrow] + 1)) < most_points], lattice + 1)
-    # A boundary crosses facets along chords; short chords may fall between two silhouette rays.
-    crossed = np.flatnonzero(passed & ~mixed & (fraction > 0) & (fraction < 1))
-    others = np.maximum(ray_spacing / np.maximum(_CHORD * wide[crossed], 1e-12) - 1.0, 0.0)
-    missed[crossed] = np.hypot(missed[crossed], _UNSAMPLED_EDGE_RETURN * cut[crossed] * np.sqrt(others))
     if places is not None:
-        sent += sampler.sample_sides(np.flatnonzero(passed & (lattice >= 0) & (fraction == 1)), places, occluded)
+        sent += sampler.sample_sides(np.flatnonzero(passed & (lattice >= 0) & (fraction == 1)), places)
     owner, pieces, occluder, rays_sent = sampler.collect(reach, np.pi / wavenumber)
     return SampledVisibility(fraction, owner, pieces, occluder, missed, most * fraction, sent + rays_sent)
 
@@ -282,55 +243,3 @@ def _turn_away(given: dict[str, Any]) -> None:
 
 
 _TURN_AWAY = FrozenKernel(_turn_away)
-
-
-_CLIP_BATCH = 300_000
-"""Points per batch; bounds memory."""
-
-
-class ClippedFacets(NamedTuple):
-    """Visible parts of facets behind the borders of slabs or mirrors."""
-
-    share: FloatArray
-    """(facet,) visible share of the area."""
-    owner: NDArray[np.intp]
-    """(piece,) facet of each piece, ascending; facets with small returns have none."""
-    pieces: FloatArray
-    """(piece, corner, 3) barycentric coordinates."""
-    missed: float
-    """Estimated error of all returns, relative to `level`."""
-
-
-def clip_by_silhouettes(
-    sampler: Callable[[NDArray[np.intp]], VisibilitySampler],
-    cut: FloatArray,
-    width: FloatArray,
-    share: FloatArray,
-    level: float,
-    rtol: float,
-) -> ClippedFacets:
-    """Sample facets on lattices with the error budget of :func:`sample_visibility`.
-
-    `sampler` makes the visibility test of an index of facets. `cut` and `width` (facet,) are the bounds of cut facets
-    and the phase ranges [rad] of :func:`rfgen_sionna.tracing.shadows.return_bounds.max_returns`, `share` (facet,) the
-    visible shares by guiding rays. `level` is the incoherent sum of all returns in units of `cut`, `rtol` its allowed
-    error.
-    """
-    errors, share = CURVED_EDGE_ERROR * cut, share.copy()
-    wanted = np.sqrt(errors / error_budget(errors, MISSED_PER_RTOL * rtol * level))
-    cells = np.searchsorted(SPACINGS[:-1], wanted)
-    sampled = wanted > np.sqrt(CURVED_EDGE_ERROR / CORNER_ERROR)
-    partly = (share > 0) & (share < 1)
-    missed = np.where(sampled, errors / np.array(SPACINGS)[cells] ** 2, CORNER_ERROR * cut * partly)
-    some = np.flatnonzero(sampled)
-    owners, pieces = [np.zeros(0, np.intp)], [np.zeros((0, 3, 3))]
-    batch = np.cumsum(points_of(cells[some])) // _CLIP_BATCH
-    for own in np.split(some, np.flatnonzero(np.diff(batch)) + 1):
-        unoccluded = find_visible_polygons(sampler(own), cells[own], width[own])
-        share[own] = unoccluded.fraction
-        missed[np.setdiff1d(own, own[unoccluded.owner])] = 0.0  # no boundary
-        order = np.argsort(unoccluded.owner, kind="stable")
-        owners.append(own[unoccluded.owner[order]])
-        pieces.append(unoccluded.pieces[order])
-    error = float(np.linalg.norm(missed)) / level if level > 0 else 0.0
-    return ClippedFacets(share, np.concatenate(owners), np.concatenate(pieces), error)

@@ -242,13 +242,6 @@ class BoundaryCorrection(NamedTuple):
         """Corrections of each of `times` equal runs of `facets`."""
         return [self.within(np.arange(first, first + facets)) for first in range(0, facets * times, facets)]
 
-    def of_first(self, facets: int) -> ComplexArray:
-        """(facet,) correction of the first pair at the centre frequency."""
-        gains = self.gains[0, 0, 0]
-        return np.asarray(
-            np.bincount(self.owner, gains.real, facets) + 1j * np.bincount(self.owner, gains.imag, facets), complex
-        )
-
     def add_to(self, gains: ComplexArray) -> None:
         """Add to `gains` (order, tx, rx, facet)."""
         order = np.argsort(self.owner, kind="stable")

@@ -55,11 +55,10 @@ class LatticeSampler:
         viewpoint: FloatArray,
         corners: FloatArray,
         facet: IntArray | NDArray[np.int64],
-        moving: bool,
         width: FloatArray,
         fraction: FloatArray,
     ) -> None:
-        self._rays, self._viewpoint, self._moving = rays, viewpoint, moving
+        self._rays, self._viewpoint = rays, viewpoint
         self._corners, self._facet, self._width, self._fraction = corners, facet, width, fraction
         self.lattice: NDArray[np.intp] = np.full(len(corners), -1, np.intp)
         """(facet,) level of the latest lattice; -1 before the first."""
@@ -74,7 +73,7 @@ class LatticeSampler:
         batch = np.cumsum(points_of(level[chosen])) // _BATCH
         for some in np.split(chosen, np.flatnonzero(np.diff(batch)) + 1):
             many = bool(points_of(level[some]).sum() > _BUNDLED * len(some))
-            targets = self._rays.targets(self._viewpoint, self._corners[some], self._facet[some], self._moving, many)
+            targets = self._rays.targets(self._viewpoint, self._corners[some], self._facet[some], bundled=many)
             polygons = find_visible_polygons(targets, level[some], self._width[some])
             self._found.append((turn, some, polygons))
             self._fraction[some] = polygons.fraction
@@ -93,24 +92,21 @@ class LatticeSampler:
         chosen = chosen[cut[chosen] > 0]
         points = points_of(np.full(len(chosen), _SEARCHED))
         for own in np.split(chosen, np.flatnonzero(np.diff(np.cumsum(points) // _BATCH)) + 1):
-            targets = self._rays.targets(
-                self._viewpoint, self._corners[own], self._facet[own], self._moving, bundled=True
-            )
+            targets = self._rays.targets(self._viewpoint, self._corners[own], self._facet[own], bundled=True)
             crossed = crossed_by_edges(targets, np.full(len(own), _SEARCHED), self._fraction[own] > 0)
             found[own[crossed]] = _SEARCHED
         return found, missed, int(points.sum())
 
-    def sample_sides(self, whole: NDArray[np.intp], places: IntArray, others: IntArray | None) -> int:
+    def sample_sides(self, whole: NDArray[np.intp], places: IntArray) -> int:
         """Find boundaries along the sides that fully visible facets (`whole`) share with occluded ones; returns the
         rays sent.
 
-        `places` (facet, 3) are the numbers of `shared_vertices`, `others` (facet, 3) those of further occluded facets.
+        `places` (facet, 3) are the numbers of `shared_vertices`.
         """
         own = places[whole]
         if not len(own):
             return 0
         occluded = places[self._fraction == 0]
-        occluded = occluded if others is None else np.concatenate([occluded, others])
         # Few of the occluded facets have two corners in common with these.
         shared = np.zeros(int(max(own.max(), occluded.max(initial=0))) + 1, np.bool_)
         shared[own] = True
@@ -124,7 +120,7 @@ class LatticeSampler:
         triangle = np.eye(3)[(corner[:, None] + np.arange(3)) % 3]  # the corner across the side comes first
         side = 0.5 * (triangle[:, 1] + triangle[:, 2])
         outside = side + EDGE_INSET * (side - triangle[:, 0])
-        targets = self._rays.targets(self._viewpoint, self._corners[some], self._facet[some], self._moving)
+        targets = self._rays.targets(self._viewpoint, self._corners[some], self._facet[some])
         _, occluder = targets.edges(np.arange(len(some)), inset_points(side), outside, 0)
         shadowed = np.flatnonzero(occluder < 1.0)
         ends, found = np.tile(occluder[shadowed, None], 2), some[shadowed]
@@ -169,7 +165,7 @@ class LatticeSampler:
         way = barycentric((corners[:, 0] + width[:, None] * inward)[:, None], corners)[:, 0] - [1.0, 0.0, 0.0]
         edge = 0.5 * (pieces[some, 1] + pieces[some, 2])
         owners = owner[some]
-        targets = self._rays.targets(self._viewpoint, self._corners[owners], self._facet[owners], self._moving)
+        targets = self._rays.targets(self._viewpoint, self._corners[owners], self._facet[owners])
         crossing, next_occluder = targets.edges(np.arange(len(some)), edge + _BESIDE * way, edge + way, _BAND_HALVINGS)
         # Occluders other than the curved surface itself.
         occluded = np.flatnonzero(next_occluder < _ITSELF)

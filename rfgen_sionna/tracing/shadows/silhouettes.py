@@ -47,15 +47,6 @@ class SilhouetteRays(NamedTuple):
     """(ray,) first face of the ray scene that each hits; -1 for none."""
     span: FloatArray
     """(ray,) silhouette length of each ray, as seen from the viewpoint [rad]."""
-    first: int = 0
-    """Number of the first ray past a moving surface."""
-    owner: NDArray[np.intp] | None = None
-    """(ray,) moving surface that each passes, -1 for a static one; None drops it."""
-
-    @property
-    def of_actors(self) -> SilhouetteRays:
-        """Rays past moving surfaces."""
-        return SilhouetteRays(self.directions[self.first :], self.hit[self.first :], self.span[self.first :])
 
 
 class MeshSilhouette:

@@ -25,10 +25,11 @@ from rfgen_sionna.scene.ray_layer import MeshLayer
 from rfgen_sionna.tracing.integral.obliquity import Media, ScatteredWave, media_of_lanes, media_tables
 from rfgen_sionna.tracing.integral.simplex import Complex as ComplexPair
 from rfgen_sionna.tracing.integral.simplex import moments
-from rfgen_sionna.tracing.shadows.mirror_visibility import GUIDE_POINTS
 
 _CLEARANCE = 1e-5
 """Start of shadow rays off the surface, over the mesh's size: above single-precision rounding."""
+_GUIDE_POINTS = ((2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
+"""Barycentric coordinates of three visibility rays, one near each corner."""
 
 
 class ScatteringMesh:
@@ -156,7 +157,7 @@ class ScatteringPoint:
 
         mi: Any = mitsuba
         total = 0.0
-        for weights in GUIDE_POINTS.tolist():
+        for weights in _GUIDE_POINTS:
             point = sum(weight * corner for weight, corner in zip(weights, corners, strict=True))
             point = mi.Point3f(point + self._body.clearance * normal)
             free = mi.Bool(active)

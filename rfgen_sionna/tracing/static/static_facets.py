@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,7 +13,6 @@ from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.shadows.adaptive_sampling import (
     CornerVisibility,
-    SampledVisibility,
     sample_visibility,
     shared_vertices,
 )
@@ -22,7 +20,7 @@ from rfgen_sionna.tracing.shadows.boundary_edges import ShadowEdges
 from rfgen_sionna.tracing.shadows.silhouettes import FacetLocator, SilhouetteRays
 from rfgen_sionna.tracing.surface.facets import Facets, stack_facets, with_patches
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
-from rfgen_sionna.tracing.surface.tessellate import NO_FACETS, tessellate
+from rfgen_sionna.tracing.surface.tessellate import tessellate
 
 
 def static_facets(
@@ -31,30 +29,19 @@ def static_facets(
     viewpoint: FloatArray,
     tolerance: FloatArray,
     max_range: float,
-    chosen: Collection[int] | None = None,
 ) -> Facets:
-    """Facets of the static surfaces, or of the surfaces `chosen`, for the `tolerance` (surface,) and up to `max_range`
-    [m], visible or not."""
+    """Facets of the static surfaces, for the `tolerance` (surface,) and up to `max_range` [m], visible or not."""
     pieces = [
         tessellate(
             points, surface.faces, viewpoint, band.highest, rtol, band.pattern_gain, max_range, band.half_band,
             smooth=surface.smooth, still=True,
         )
-        if chosen is None or number in chosen
-        else NO_FACETS
-        for number, (points, surface, rtol) in enumerate(
-            zip(surfaces.static_vertices, surfaces.static, tolerance.tolist(), strict=True)
-        )
+        for points, surface, rtol in zip(surfaces.static_vertices, surfaces.static, tolerance.tolist(), strict=True)
     ]  # fmt: skip
     wavenumber = max_wavenumber(band)
     flat = stack_facets(surfaces.static, pieces, [surfaces.static_vertices], viewpoint, wavenumber)
     (found,) = with_patches(flat, surfaces.static, pieces, [surfaces.static_vertices])
     return found
-
-
-SlabEdgeTransmission = Callable[[RayScene, Facets, SampledVisibility], tuple[FloatArray, int]]
-"""Returns (piece, 16) occluders and transmission as :meth:`rfgen_sionna.tracing.shadows.boundary_edges.ShadowEdges.of`
-takes them, and the number of rays sent."""
 
 
 def max_wavenumber(band: BandTracer) -> float:
@@ -63,21 +50,15 @@ def max_wavenumber(band: BandTracer) -> float:
 
 
 class VisibleStaticFacets(NamedTuple):
-    """Static facets, visible and occluded ones."""
+    """Visible static facets."""
 
     facets: Facets
     fraction: FloatArray
     """(facet,)"""
-    whole: int
-    """Number of uncut facets, which come first; pieces follow."""
     edges: ShadowEdges
     """Shadow boundaries on the pieces."""
     tiny: Facets
     """Facets for the gain density at each boundary."""
-    hidden: Facets
-    """Facets that are occluded, wholly or in part."""
-    hidden_fraction: FloatArray
-    """(hidden,)"""
     level: float
     """Incoherent sum of all returns, in units of
     :attr:`rfgen_sionna.tracing.shadows.adaptive_sampling.SampledVisibility.returned`."""
@@ -95,10 +76,9 @@ def find_visible_facets(
     tolerance: FloatArray,
     max_range: float,
     silhouette_rays: SilhouetteRays | None,
-    slab_edges: SlabEdgeTransmission | None,
 ) -> VisibleStaticFacets:
-    """Visible facets of the static scene, cut at shadow boundaries, and occluded ones with their visible share.
-    `tolerance` (surface,) is of the tessellation, `rtol` of the visibility."""
+    """Visible facets of the static scene, cut at shadow boundaries. `tolerance` (surface,) is of the tessellation,
+    `rtol` of the visibility."""
     facets = static_facets(surfaces, band, viewpoint, tolerance, max_range)
     near = lengths(facets.centroids - viewpoint) < max_range
     facets = facets.take(np.flatnonzero(facets.facing & near))
@@ -107,7 +87,7 @@ def find_visible_facets(
         nothing = np.zeros(len(facets))
         none = np.zeros(0, np.intp)
         edges, _ = band.edges(facets, none, np.zeros((0, 3, 3)), np.zeros((0, 4)), none, np.zeros(1))
-        return VisibleStaticFacets(facets, nothing, len(facets), edges, facets.take(none), facets, nothing, 0.0, 0.0, 0)
+        return VisibleStaticFacets(facets, nothing, edges, facets.take(none), 0.0, 0.0, 0)
     places = shared_vertices(facets.corners, facets.surface)
     guided, sent = CornerVisibility(viewpoint, facets.corners, facets.number, places).visible(rays)
     silhouette, past = (
@@ -128,16 +108,13 @@ def find_visible_facets(
     level, missed = (float(np.linalg.norm(each)) for each in (found.returned, found.missed))
     missed = missed / level if level > 0 else 0.0
     group = np.zeros(len(found.owner), np.intp)
-    occluder, slab_rays = (found.occluder, 0) if slab_edges is None else slab_edges(rays, facets, found)
-    edges, edge_error = band.edges(facets, found.owner, found.pieces, occluder, group, np.array([level]))
+    edges, edge_error = band.edges(facets, found.owner, found.pieces, found.occluder, group, np.array([level]))
     tiny, edges = facets.cut(edges.owner, edges.small_piece), replace(edges, owner=len(whole) + edges.piece)
     if visible.pattern_gradient is not None:
         tiny = replace(
             tiny, pattern_gradient=visible.pattern_gradient[edges.owner], gradient_origin=visible.centroids[edges.owner]
         )
-    hidden = np.flatnonzero(found.fraction < 1)
     return VisibleStaticFacets(
-        visible, np.concatenate([found.fraction[whole], np.ones(len(found.owner))]), len(whole), edges, tiny,
-        facets.take(hidden), found.fraction[hidden], level, float(np.hypot(missed, edge_error[0])),
-        sent + found.rays + slab_rays,
+        visible, np.concatenate([found.fraction[whole], np.ones(len(found.owner))]), edges, tiny,
+        level, float(np.hypot(missed, edge_error[0])), sent + found.rays,
     )  # fmt: skip

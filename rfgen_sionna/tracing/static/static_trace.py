@@ -12,19 +12,12 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.records import RadarPaths
-from rfgen_sionna.scene.mesh import lengths
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.error_estimate import SAFETY, RefinedReturns, tolerance_factor
-from rfgen_sionna.tracing.shadows.adaptive_sampling import (
-    CornerVisibility,
-    sample_visibility,
-    shared_vertices,
-)
-from rfgen_sionna.tracing.shadows.shadow_cones import BoundingSpheres, bounding_spheres, in_shadow_cones
-from rfgen_sionna.tracing.shadows.silhouettes import FacetLocator, SilhouetteRays, static_silhouettes
+from rfgen_sionna.tracing.shadows.silhouettes import SilhouetteRays, static_silhouettes
 from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
-from rfgen_sionna.tracing.static.static_facets import SlabEdgeTransmission, find_visible_facets, max_wavenumber
+from rfgen_sionna.tracing.static.static_facets import find_visible_facets, max_wavenumber
 from rfgen_sionna.tracing.static.static_visibility import StaticReturns, StaticVisibility
 from rfgen_sionna.tracing.surface.facets import Facets, facet_paths
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
@@ -40,7 +33,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class StaticTrace:
-    """Paths of the static scene without actors, and the state to find its occlusion by actors."""
+    """Paths of the static scene without actors, and its facets, which actors occlude."""
 
     paths: RadarPaths
     """One path per facet of `facets`, a single knot."""
@@ -48,8 +41,6 @@ class StaticTrace:
     """Visible facets; of partly visible ones the visible pieces."""
     fraction: FloatArray
     """(facet,) visible share without actors, above 0."""
-    scene: RayScene | None
-    """Static surfaces; None without any."""
     viewpoint: FloatArray
     """(3,) phase centre of the radar [m]."""
     rays: int
@@ -58,16 +49,6 @@ class StaticTrace:
     """Estimated error of the coherent return, relative to `level`."""
     level: float
     """Reference level (:attr:`rfgen_sionna.tracing.gains.error_estimate.ErrorEstimate.scale`)."""
-    levels: FloatArray
-    """(surface,) coherent return of each surface."""
-    whole: int
-    """Number of uncut facets, the first of `facets`."""
-    hidden: Facets
-    """Facets that are occluded, wholly or in part."""
-    hidden_fraction: FloatArray
-    """(hidden,) visible share of those."""
-    tolerance: FloatArray
-    """(surface,) tolerance of the tessellation."""
     returns: StaticReturns
 
     @cached_property
@@ -76,28 +57,9 @@ class StaticTrace:
         return np.unique(self.facets.number).astype(np.int64)
 
     @cached_property
-    def _guides(self) -> tuple[CornerVisibility, NDArray[np.bool_], int]:
-        """Visibility rays to facet corners, (facet, 3) visibility without actors, and the number of rays."""
-        # Corners of pieces lie on shadow boundaries: they are sampled as with actors.
-        facets = self.facets
-        places = shared_vertices(facets.corners, facets.surface)
-        guides = CornerVisibility(self.viewpoint, facets.corners, facets.number, places)
-        if self.scene is None:
-            return guides, np.zeros((len(facets), 3), np.bool_), 0
-        return guides, *guides.visible(self.scene)
-
-    @cached_property
-    def _spheres(self) -> BoundingSpheres:
-        return bounding_spheres(self.facets, self.viewpoint)
-
-    @cached_property
     def weight(self) -> FloatArray:
         """(facet,) field gain of the element pattern."""
         return self.returns.band.pattern_gain(self.facets.directions(self.viewpoint))
-
-    @cached_property
-    def _any_visible(self) -> FacetLocator:
-        return FacetLocator(self.facets.corners - self.viewpoint, self.facets.number)
 
     @property
     def without_actors(self) -> StaticVisibility:
@@ -107,62 +69,6 @@ class StaticTrace:
             np.ones(count), np.zeros(0, np.intp), np.zeros((0, 3, 3)), None, 0.0, np.zeros(count), np.inf,
             np.zeros((0, 0), np.complex128), None,
         )  # fmt: skip
-
-    def behind(self, actors: Sequence[FloatArray]) -> NDArray[np.intp]:
-        """Facets that the `actors`, each at (point, 3) [m], may occlude."""
-        if not len(self.facets):
-            return np.zeros(0, np.intp)
-        return np.flatnonzero(in_shadow_cones(self._spheres, self.viewpoint, actors))
-
-    def visible(
-        self, rays: RayScene, index: NDArray[np.intp], silhouette_rays: SilhouetteRays
-    ) -> tuple[StaticVisibility, int]:
-        """Visibility of all facets with the actors in `rays`, and the number of rays sent.
-
-        `index` are the facets that actors may occlude, `silhouette_rays` pass just beside the actors. Only occlusion by
-        actors is sampled; a facet that none of them touches keeps its share bit for bit.
-        """
-        past = silhouette_rays.of_actors
-        nearest = float(lengths(past.directions).min(initial=np.inf))
-        return self.resample(rays, index, self._any_visible.silhouette_lengths(past)[0], nearest)
-
-    def resample(
-        self, rays: RayScene, index: NDArray[np.intp], silhouette: FloatArray, nearest: float
-    ) -> tuple[StaticVisibility, int]:
-        """As :meth:`visible`, with the `silhouette` length (facet,) [rad] on each facet and the distance `nearest` [m]
-        of the nearest silhouette."""
-        every, silhouette = silhouette, silhouette[index]
-        known = "_guides" in self.__dict__
-        guides, unoccluded, first = self._guides
-        now, sent = guides.visible(rays, index, moving=True)
-        sent += 0 if known else first
-        now &= unoccluded[index]
-        # By columns: several times as fast as reductions of rows of three.
-        (one, two, three), (one_now, two_now, three_now) = unoccluded[index].T, now.T
-        changed = (one != one_now) | (two != two_now) | (three != three_now)
-        visible, passed = one_now | two_now | three_now, silhouette > 0
-        left = np.ones(len(self.facets))
-        occluded = index[changed & ~passed & ~visible]
-        left[occluded] = 0.0
-        some = np.flatnonzero(passed | (changed & visible))
-        chosen = index[some]
-        found = sample_visibility(
-            rays, self.viewpoint, self.facets.corners[chosen], self.facets.number[chosen], now[some],
-            self.returns.wavenumber, self.returns.rtol, silhouette[some], self.weight[chosen],
-            before=unoccluded[chosen], level=self.returns.level, moving=True, places=guides.places[chosen],
-            occluded=guides.places[occluded], reach=self.returns.band.reach, occluder_distance=nearest,
-        )  # fmt: skip
-        left[chosen] = found.fraction
-        missed = SAFETY * float(np.linalg.norm(found.missed)) / self.returns.level if self.returns.level > 0 else 0.0
-        nothing = np.zeros((0, 0), np.complex128)
-        cut, edges = chosen[found.owner], None
-        if len(cut) and self.returns.level > 0:
-            group, level = np.zeros(len(cut), np.intp), np.array([self.returns.level])
-            edges, edge_error = self.returns.band.edges(self.facets, cut, found.pieces, found.occluder, group, level)
-            missed = float(np.hypot(missed, SAFETY * edge_error[0]))
-        return StaticVisibility(
-            left, cut, found.pieces, edges, missed, every, nearest, nothing, None
-        ), sent + found.rays
 
     def integrated(self, static_visibility: Sequence[StaticVisibility]) -> list[StaticVisibility]:
         """The same with integrated values."""
@@ -206,12 +112,10 @@ def trace_static(
     viewpoint: FloatArray,
     rtol: float,
     max_range: float,
-    slab_edges: SlabEdgeTransmission | None = None,
 ) -> StaticTrace:
     """Trace the static surfaces up to `max_range` [m], as the radar's IF filter removes farther ones.
 
-    `rays` holds the static scene alone; None without static surfaces. `slab_edges` finds transmission through slabs
-    beside shadow boundaries; None has none. Warns where `rtol` is not met.
+    `rays` holds the static scene alone; None without static surfaces. Warns where `rtol` is not met.
     """
     materials = tuple(surface.material for surface in surfaces.static)
     resolution, rays_sent = np.ones(len(materials)), 0
@@ -222,7 +126,7 @@ def trace_static(
         silhouette_rays, rays_sent = SilhouetteRays(past, rays.first_facet(viewpoint, past), span), len(past)
     for attempt in range(MAX_ROUNDS):
         visible = find_visible_facets(
-            surfaces, rays, band, viewpoint, rtol, rtol * resolution, max_range, silhouette_rays, slab_edges
+            surfaces, rays, band, viewpoint, rtol, rtol * resolution, max_range, silhouette_rays
         )
         facets, rays_sent = visible.facets, rays_sent + visible.rays
         weight = visible.fraction * band.pattern_gain(facets.directions(viewpoint))
@@ -261,7 +165,7 @@ def trace_static(
         (surfaces.object_names, surfaces.part_names),
     )  # fmt: skip
     return StaticTrace(
-        paths, facets, visible.fraction, rays, viewpoint, rays_sent,
-        float(np.hypot(found.total, SAFETY * visible.missed)), found.scale, found.level, visible.whole, visible.hidden,
-        visible.hidden_fraction, rtol * resolution, replace(returns, rough=rough),
+        paths, facets, visible.fraction, viewpoint, rays_sent,
+        float(np.hypot(found.total, SAFETY * visible.missed)), found.scale,
+        replace(returns, rough=rough),
     )  # fmt: skip

@@ -10,6 +10,6 @@ module             content
 `tessellate`       division of faces into facets
 `facet_positions`  positions, orientations and estimated returns of facets
 `facets`           facets of several surfaces, in arrays
-`clip`             triangles clipped to half-spaces
+`facet_mesh`       facets of several surfaces over all times, for compiled kernels
 =================  =========================================================
 """

@@ -25,8 +25,6 @@ class PlacedFacets(NamedTuple):
     """(time, facet) whether the face's front faces the radar."""
     return_estimate: FloatArray
     """(time, facet) estimated return of the flat triangle, by :func:`estimate_returns`."""
-    return_bound: FloatArray
-    """(time, facet) bound of the return of the bent facet."""
 
 
 def place_facets(
@@ -35,18 +33,16 @@ def place_facets(
     vertices: Sequence[FloatArray],
     viewpoint: FloatArray,
     wavenumber: float,
-    turn: FloatArray | None = None,
 ) -> PlacedFacets:
     """Place the facets of a `piece` of a mesh with `faces` (face, 3) and `vertices` (vertex, 3) [m] at every time. The
-    radar is at `viewpoint` (3,) [m], the `wavenumber` in rad/m, and `turn` (face,) the bend of faces by
-    :meth:`rfgen_sionna.tracing.surface.smoothing.Smoothing.turn`; None means flat faces."""
+    radar is at `viewpoint` (3,) [m], the `wavenumber` in rad/m."""
     times, count = len(vertices), len(piece.face)
     if not count:
         nothing = np.zeros((times, 0))
-        return PlacedFacets(np.zeros((times, 0, 3, 3)), np.zeros((times, 0, 3)), nothing > 0, nothing, nothing)
+        return PlacedFacets(np.zeros((times, 0, 3, 3)), np.zeros((times, 0, 3)), nothing > 0, nothing)
     dr, types = drjit_types()
     Float, UInt32 = types.Float64, types.UInt32
-    found = [dr.empty(Float, size * times * count) for size in ((9, 3, 1) if turn is None else (9, 3, 1, 1))]
+    found = [dr.empty(Float, size * times * count) for size in (9, 3, 1)]
     towards = dr.empty(UInt32, times * count)
     given: dict[str, Any] = {
         "lanes": dr.arange(UInt32, times * count),
@@ -62,17 +58,14 @@ def place_facets(
         given["face"] = upload(UInt32, piece.face)
         if len(piece.pieces):
             given["weights"] = upload(Float, piece.weights)
-    if turn is not None:
-        given["turn"] = upload(Float, turn)
     _PLACED(given)
-    corners, centroids, return_estimate, *return_bound = (each.numpy() for each in found)
+    corners, centroids, return_estimate = (each.numpy() for each in found)
     shape = times, count
     return PlacedFacets(
         corners.reshape(*shape, 3, 3),
         centroids.reshape(*shape, 3),
         towards.numpy().reshape(shape) > 0,
         return_estimate.reshape(shape),
-        (return_bound[0] if return_bound else return_estimate).reshape(shape),
     )
 
 
@@ -95,7 +88,7 @@ def _place(given: dict[str, Any]) -> None:
     if "weights" in given:
         weights = [[dr.gather(Float, given["weights"], 9 * facet + 3 * k + m) for m in range(3)] for k in range(3)]
         corners = [[sum(w * each for w, each in zip(row, axis, strict=True)) for row in weights] for axis in corners]
-    of_corners, of_centroids, of_estimate, *of_bound = given["found"]
+    of_corners, of_centroids, of_estimate = given["found"]
 
     def write(values: Any, where: Any, place: Any) -> None:
         dr.scatter(where, values, place, mode=dr.ReduceMode.Permute)
@@ -105,9 +98,6 @@ def _place(given: dict[str, Any]) -> None:
             write(corners[axis][k], of_corners, 9 * lane + 3 * k + axis)
         write((corners[axis][0] + corners[axis][1] + corners[axis][2]) / 3.0, of_centroids, 3 * lane + axis)
     write(estimate_returns(from_radar(corners), radar[3]), of_estimate, lane)
-    if of_bound:
-        turn = dr.gather(Float, given["turn"], face)
-        write(estimate_returns(from_radar(corners), radar[3], 0.0, turn), of_bound[0], lane)
     write(dr.select(volume < 0, UInt32(1), UInt32(0)), given["towards"], lane)
     dr.eval(*given["found"], given["towards"])
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rfgen_sionna._types import ComplexArray, FloatArray, IntArray
-from rfgen_sionna.records import PathKind, RadarPaths, interpolate_knots, knot_weights
+from rfgen_sionna.records import PathKind, RadarPaths
 from rfgen_sionna.scene.kernels import concatenate_aligned
 from rfgen_sionna.scene.mesh import lengths, max_component, triangle_centroids
 from rfgen_sionna.tracing.surface.facet_positions import place_facets
@@ -26,7 +26,7 @@ RATE_STEP = 0.5e-3
 
 _NO_NUMBERS = np.zeros(0, np.int32)
 _COLUMNS = ("number", "face", "surface", "facing", "parts", "place")
-_OPTIONAL_COLUMNS = ("curved", "pattern_gradient", "gradient_origin", "grain", "outward")
+_OPTIONAL_COLUMNS = ("curved", "pattern_gradient", "gradient_origin", "grain")
 
 
 @dataclass(frozen=True)
@@ -57,15 +57,8 @@ class Facets:
     """(facet, 3) points [m] of the gain that `pattern_gradient` refers to; None means the centroids."""
     return_estimate: FloatArray | None = field(default=None, kw_only=True)
     """(facet,) :func:`~rfgen_sionna.tracing.surface.return_estimates.estimate_returns`; None if unknown."""
-    return_bound: FloatArray | None = field(default=None, kw_only=True)
-    """(facet,) bound of the return of the bent facet."""
-    turn: FloatArray | None = field(default=None, kw_only=True)
-    """(facet,) largest chord between unit normals of a corner and of the flat facet; None if unknown."""
     grain: FloatArray | None = field(default=None, kw_only=True)
     """(facet, 4) :attr:`~rfgen_sionna.tracing.surface.tessellate.Tessellation.shares`; None: each facet is a grain."""
-    outward: NDArray[np.bool_] | None = field(default=None, kw_only=True)
-    """(facet,) bent facets whose flat triangle faces away while parts of them are visible
-    (:mod:`rfgen_sionna.tracing.shadows.terminator`); None means none."""
 
     def __len__(self) -> int:
         return len(self.number)
@@ -99,10 +92,6 @@ class Facets:
     def with_pattern_gradient(self, pattern_gradient: FloatArray | None) -> Facets:
         """Copy with this :attr:`pattern_gradient` about the centroids."""
         return self._with(pattern_gradient=pattern_gradient, gradient_origin=None)
-
-    def with_outward(self, outward: NDArray[np.bool_]) -> Facets:
-        """Copy with this :attr:`outward`."""
-        return self._with(outward=outward)
 
     def _with(self, **changed: Any) -> Facets:
         found = replace(self, **changed)
@@ -143,7 +132,6 @@ class Facets:
             pattern_gradient=_filled(parts, "pattern_gradient", lambda each: np.zeros((len(each), 3))),
             gradient_origin=_filled(parts, "gradient_origin", lambda each: each.centroids),
             grain=_filled(parts, "grain", lambda each: _own_grains(len(each))),
-            outward=_filled(parts, "outward", lambda each: np.zeros(len(each), np.bool_)),
         )
         if all("centroids" in each.__dict__ for each in parts):
             found.__dict__["centroids"] = np.concatenate([each.centroids for each in parts])
@@ -214,42 +202,35 @@ def stack_facets(
     vertices: Sequence[Sequence[FloatArray]],
     viewpoint: FloatArray,
     wavenumber: float,
-    parts_of: Sequence[IntArray] | None = None,
-    turns: Sequence[FloatArray] | None = None,
 ) -> list[Facets]:
     """Flat facets of all surfaces, in their order, at every time, for `vertices` (time, surface) of (vertex, 3) [m].
-    :func:`with_patches` bends them. `parts_of` (surface) of (facet,) are parts per edge; None means those of the
-    tessellations. `turns` (surface) of (face,) from :meth:`rfgen_sionna.tracing.surface.smoothing.Smoothing.turn` bound
-    the returns at a `wavenumber` [rad/m]; None means flat surfaces."""
+    :func:`with_patches` bends them. Returns are estimated at a `wavenumber` [rad/m]."""
     pairs = list(zip(surfaces, tessellations, strict=True))
     grains = [_own_grains(len(each.face)) if each.shares is None else each.shares for each in tessellations]
     grain = np.concatenate(grains) if any(each.shares is not None for each in tessellations) else None
     placed = []
     for k, (surface, piece) in enumerate(pairs):
-        turn = turns[k] if turns is not None and surface.smooth is not None else None
         points = [there[k] for there in vertices]
-        placed.append(place_facets(piece, surface.faces, points, viewpoint, wavenumber, turn))
+        placed.append(place_facets(piece, surface.faces, points, viewpoint, wavenumber))
     number = _stacked(piece.face + np.int32(surface.first_facet) for surface, piece in pairs)
     face = _stacked(piece.face for piece in tessellations)
     index = _stacked(np.full(len(piece.face), k, dtype=np.int32) for k, piece in enumerate(tessellations))
-    parts = _stacked((piece.parts for piece in tessellations) if parts_of is None else parts_of)
-    place, curved, turned = _stacked(piece.places for piece in tessellations), None, None
+    parts = _stacked(piece.parts for piece in tessellations)
+    place, curved = _stacked(piece.places for piece in tessellations), None
     if any(surface.smooth is not None for surface in surfaces):
         smooth = (np.full(len(piece.face), surface.smooth is not None) for surface, piece in pairs)
         curved = _stacked(smooth, np.zeros(0, np.bool_))
-    if turns is not None:
-        turned = _stacked((own[each.face] for own, each in zip(turns, tessellations, strict=True)), np.zeros(0))
     found = []
     for k in range(len(vertices)):
         towards = zip(surfaces, (each.towards[k] for each in placed), strict=True)
         facing = (own if surface.closed else np.ones(len(own), np.bool_) for surface, own in towards)
-        corners, centroids, return_estimate, return_bound = (
+        corners, centroids, return_estimate = (
             _stacked((getattr(each, name)[k] for each in placed), np.zeros((0, *shape)))
-            for name, shape in (("corners", (3, 3)), ("centroids", (3,)), ("return_estimate", ()), ("return_bound", ()))
+            for name, shape in (("corners", (3, 3)), ("centroids", (3,)), ("return_estimate", ()))
         )
         there = Facets(
             corners, number, face, index, _stacked(facing, np.zeros(0, np.bool_)), parts, place,
-            curved=curved, return_estimate=return_estimate, return_bound=return_bound, turn=turned, grain=grain,
+            curved=curved, return_estimate=return_estimate, grain=grain,
         )  # fmt: skip
         there.__dict__["centroids"] = centroids
         found.append(there)
@@ -261,18 +242,14 @@ def with_patches(
     surfaces: Sequence[Surface],
     tessellations: Sequence[Tessellation],
     vertices: Sequence[Sequence[FloatArray]],
-    chosen: NDArray[np.intp] | None = None,
 ) -> list[Facets]:
-    """The same `facets` of all surfaces at several times, bent, for `vertices` (time, surface) of (vertex, 3) [m]. Only
-    the facets `chosen`, ascending, need patches; None means all."""
+    """The same `facets` of all surfaces at several times, bent, for `vertices` (time, surface) of (vertex, 3) [m]."""
     if facets[0].curved is None:
         return list(facets)
-    patches, first = [], 0
-    for surface, piece, points in zip(surfaces, tessellations, zip(*vertices, strict=True), strict=True):
-        last = first + len(piece.face)
-        mine = None if chosen is None else chosen[slice(*np.searchsorted(chosen, [first, last]))] - first
-        patches.append(piece.patches(points, surface.faces, surface.smooth, mine))
-        first = last
+    patches = [
+        piece.patches(points, surface.faces, surface.smooth)
+        for surface, piece, points in zip(surfaces, tessellations, zip(*vertices, strict=True), strict=True)
+    ]
     every = [own[0] if len(own) == 1 else QuadraticPatch.stack(own) for own in zip(*patches, strict=True)]
     return [each._with(patch=own) for each, own in zip(facets, every, strict=True)]
 
@@ -281,28 +258,6 @@ def _stacked(parts: Iterable[NDArray[Any]], empty: NDArray[Any] = _NO_NUMBERS) -
     """Arrays one after the other, without a copy of a single one; `empty` without any."""
     found = list(parts)
     return found[0] if len(found) == 1 else np.concatenate([empty, *found])
-
-
-def over_time(
-    knots: FloatArray,
-    sample_times: FloatArray,
-    gains: ComplexArray,
-    delays: Callable[[float], FloatArray],
-    rates: Callable[[float], FloatArray] | None = None,
-) -> tuple[ComplexArray, FloatArray, FloatArray]:
-    """Gain coefficients (order, tx, rx, facet, time), delays [s] and their rates [s/s] (tx, rx, facet, time) at the
-    `knots` [s]. `gains` (order, tx, rx, facet, sample) are those at `sample_times` [s], `delays` (time) and `rates`
-    (time) are functions to (tx, rx, facet). A single knot takes `rates`; None differences the delays."""
-    coefficients = gains
-    if len(knots) > len(sample_times):
-        coefficients = interpolate_knots(knot_weights(sample_times, knots), coefficients)
-    tau = np.stack([delays(float(t)) for t in knots], axis=-1)
-    if len(knots) > 1:
-        return coefficients, tau, tau @ knot_weights(knots, knots, 1).T
-    if rates is not None:
-        return coefficients, tau, rates(float(knots[0]))[..., None]
-    before, after = (delays(float(knots[0]) + step) for step in (-RATE_STEP, RATE_STEP))
-    return coefficients, tau, ((after - before) / (2 * RATE_STEP))[..., None]
 
 
 def facet_paths(
@@ -316,12 +271,9 @@ def facet_paths(
     frequency: float,
     half_band: float,
     names: tuple[tuple[str, ...], tuple[str, ...]],
-    arrival: FloatArray | None = None,
-    bounces: int = 1,
 ) -> RadarPaths:
     """Paths from gain coefficients (order, tx, rx, facet, time), delays `tau` [s] and `tau_rate` [s/s] (tx, rx, facet,
-    time). `direction` and `arrival` are unit vectors at the radar; an `arrival` of None means `direction`. `names` are
-    those of objects and parts."""
+    time). `direction` are unit vectors at the radar, `names` those of objects and parts."""
     objects = np.array([surface.object_id for surface in surfaces], dtype=np.int32)
     parts = np.zeros(len(facets), dtype=np.int32)
     for position, surface in enumerate(surfaces):
@@ -334,11 +286,11 @@ def facet_paths(
         times=times,
         frequency=frequency,
         direction=direction,
-        arrival=direction if arrival is None else arrival,
+        arrival=direction,
         object_id=objects[facets.surface] if len(facets) else np.zeros(0, np.int32),
         part_id=parts,
-        kind=np.full(len(facets), PathKind.FACET if bounces == 1 else PathKind.MULTI_BOUNCE, dtype=np.uint8),
-        bounces=np.full(len(facets), bounces, dtype=np.uint8),
+        kind=np.full(len(facets), PathKind.FACET, dtype=np.uint8),
+        bounces=np.ones(len(facets), dtype=np.uint8),
         object_names=names[0],
         part_names=names[1],
         facet=facets.face,

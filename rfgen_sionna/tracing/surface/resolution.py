@@ -69,13 +69,11 @@ class SmoothPieces:
     """(facet,) height of the surface over the piece [m]."""
     weights: FloatArray
     """(facet, 3, 3) barycentric coordinates of the piece in its face."""
-    sagittas: FloatArray | None
-    """(facet, 3, 3) sagittas of the face [m]; None skips the terminator."""
+    sagittas: FloatArray
+    """(facet, 3, 3) sagittas of the face [m]."""
 
     def ends(self, chosen: NDArray[np.bool_], corners: FloatArray, viewpoint: FloatArray) -> NDArray[np.bool_]:
         """(chosen,) whether the terminator crosses the `chosen` facets, with flat `corners` (chosen, 3, 3) [m]."""
-        if self.sagittas is None:
-            return np.zeros(int(np.count_nonzero(chosen)), np.bool_)
         patch = QuadraticPatch(self.sagittas[chosen]).within(self.weights[chosen])
         places = corners - viewpoint if patch.corner_offsets is None else corners - viewpoint + patch.corner_offsets
         first, second = places[:, 1] - places[:, 0], places[:, 2] - places[:, 0]
@@ -107,20 +105,6 @@ def _pattern_gains(
 ) -> tuple[FloatArray, FloatArray]:
     """Pattern gains at the corners (facet, 3) and in the middle (facet,)."""
     return pattern_gain(unit(corners - viewpoint)), pattern_gain(unit(triangle_centroids(corners) - viewpoint))
-
-
-def needs_finer_facets(
-    corners: FloatArray,
-    viewpoint: FloatArray,
-    frequency: float,
-    rtol: float,
-    pattern_gain: Callable[[FloatArray], FloatArray],
-) -> bool:
-    """Whether the pattern splits flat facets with these `corners` (facet, 3, 3) [m] into thirds of their area. The
-    other arguments are those of :func:`rfgen_sionna.tracing.surface.tessellate.tessellate`."""
-    left = _gain_excess(*_pattern_gains(corners, viewpoint, pattern_gain))
-    steep = np.flatnonzero(left > 3.0 * PATTERN_CHANGE * max(rtol, _MIN_TOLERANCE))
-    return bool((phase_bulge(corners[steep], viewpoint, frequency) > _MIN_BULGE).any())
 
 
 def required_splits(

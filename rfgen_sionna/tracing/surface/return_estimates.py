@@ -14,31 +14,9 @@ import numpy as np
 from rfgen_sionna._types import FloatArray
 
 
-def estimate_returns(corners: Any, wavenumber: Any, aside: Any = 0.0, turn: Any = None) -> Any:
-    """(facet,) estimated returns up to a common factor: solid angle times :func:`mean_phasor`. With `turn` (facet,),
-    the largest chord between the unit normals of a corner and of the flat facet, it is a bound: cosines exceed those of
-    the flat facet by as much at most."""
-    angles = abs(solid_angles(corners))
-    if turn is not None:
-        angles = angles + turn * facing_solid_angles(corners)
-    return angles * mean_phasor(corners, wavenumber, aside)
-
-
-def off_axis_phase(corners: Any, wavenumber: float, aperture: float) -> Any:
-    """(facet,) bound of the change of the two-way phase [rad] over facets between elements within `aperture` [m]."""
-    width, distance = width_and_distance(corners)
-    return wavenumber * aperture * width / _array_module(width).maximum(distance, 1e-9)
-
-
-def width_and_distance(corners: Any) -> tuple[Any, Any]:
-    """(facet,) longest edge, and distance of the nearest corner [m]."""
-    m = _array_module(corners[0][0])
-    square = 0.0
-    for k in range(3):
-        x, y, z = (axis[k] - axis[k - 1] for axis in corners)
-        square = m.maximum(square, x * x + y * y + z * z)
-    near = _squares(corners)
-    return m.sqrt(square), m.sqrt(m.minimum(m.minimum(near[0], near[1]), near[2]))
+def estimate_returns(corners: Any, wavenumber: Any) -> Any:
+    """(facet,) estimated returns up to a common factor: solid angle times :func:`mean_phasor`."""
+    return abs(solid_angles(corners)) * mean_phasor(corners, wavenumber)
 
 
 def solid_angles(corners: Any) -> Any:
@@ -51,27 +29,16 @@ def solid_angles(corners: Any) -> Any:
     return -13.5 * volume / (square * m.sqrt(square))
 
 
-def facing_solid_angles(corners: Any) -> Any:
-    """(facet,) solid angles [sr] of the facets turned to the radar."""
-    m = _array_module(corners[0][0])
-    one, other = ([axis[k] - axis[0] for axis in corners] for k in (1, 2))
-    x, y, z = (one[i - 2] * other[i - 1] - one[i - 1] * other[i - 2] for i in range(3))
-    a, b, c = (axis[0] + axis[1] + axis[2] for axis in corners)
-    return 4.5 * m.sqrt(x * x + y * y + z * z) / m.maximum(a * a + b * b + c * c, 1e-18)
-
-
-def mean_phasor(corners: Any, wavenumber: Any, aside: Any = 0.0) -> Any:
-    """(facet,) estimated two-way mean phasor's magnitude, with phases [rad] less by `aside` (facet,). With phases a < b
-    < c at the corners it is 2 / (c - a) times the difference of two phasors of lengths sinc((b - a) / 2) and sinc((c -
-    b) / 2) (:mod:`rfgen_sionna.tracing.integral.simplex`): an edge across the wave returns more than a corner."""
+def mean_phasor(corners: Any, wavenumber: Any) -> Any:
+    """(facet,) estimated two-way mean phasor's magnitude. With phases a < b < c [rad] at the corners it is 2 / (c - a)
+    times the difference of two phasors of lengths sinc((b - a) / 2) and sinc((c - b) / 2)
+    (:mod:`rfgen_sionna.tracing.integral.simplex`): an edge across the wave returns more than a corner."""
     m = _array_module(corners[0][0])
     x, y, z = (m.sqrt(each) for each in _squares(corners))
     near, far = m.minimum(m.minimum(x, y), z), m.maximum(m.maximum(x, y), z)
     # Half the phases of the two-way path.
     total, first = wavenumber * (far - near), wavenumber * (x + y + z - 2.0 * near - far)
     second = total - first
-    if not isinstance(aside, float) or aside:
-        total, first, second = (m.maximum(each - 0.5 * aside, 0.0) for each in (total, first, second))
     edges = m.sqrt(1.0 / (1.0 + first * first) + 1.0 / (1.0 + second * second))
     return m.minimum(1.0, edges / m.maximum(total, 1e-9))
 

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.faceting import FLATNESS_ANGLE, SMOOTH, PlaneParts, find_plane_parts
 from rfgen_sionna.scene.kernels import FrozenKernel, concatenate_aligned, drjit_types, upload
-from rfgen_sionna.scene.mesh import corner_columns, face_normals, lengths, max_component
+from rfgen_sionna.scene.mesh import corner_columns, face_normals, lengths
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch, edge_sagittas
 
 _MIN_TIP_SLOPE, _MIN_TIP_RATIO = 0.02, 10.0
@@ -50,12 +50,6 @@ class Smoothing:
         total = np.stack([self.gather @ (weight * axis[:, None]).reshape(-1) for axis in cross])
         total /= np.maximum(np.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2), 1e-300)
         return np.ascontiguousarray(np.take(total, self.group.T, axis=1).transpose(2, 1, 0))
-
-    def turn(self, vertices: FloatArray, faces: IntArray) -> FloatArray:
-        """(face,) largest chord between unit normals of a corner and of the flat face, for vertices (vertex, 3) [m]."""
-        flat = face_normals(vertices, faces)
-        flat /= np.maximum(lengths(flat), 1e-300)[:, None]
-        return max_component(lengths(self.normals(vertices, faces) - flat[:, None]))
 
     def patch(self, vertices: FloatArray, faces: IntArray) -> QuadraticPatch:
         """Patches of the faces, for vertices (vertex, 3) [m]."""

@@ -7,13 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.scene.materials import Material
-from rfgen_sionna.scene.mesh import corner_columns
 from rfgen_sionna.tracing.surface.smoothing import Smoothing, find_smoothing
 
 if TYPE_CHECKING:
@@ -36,8 +32,6 @@ class Surface:
     """Index of its face 0 among all faces of the ray scene."""
     closed: bool
     """Whether it encloses a volume with outward normals: faces that face away are occluded."""
-    outward: NDArray[np.bool_]
-    """(face,) faces of closed, outward parts: a ray from outside meets their front first."""
     smooth: Smoothing | None
     """Normals of the smooth surface that the mesh samples; None means flat."""
     still: bool
@@ -69,22 +63,9 @@ def is_closed(faces: IntArray) -> bool:
     return bool(np.array_equal(forward, np.sort(end * size + start)) and len(np.unique(forward)) == len(forward))
 
 
-def outward_faces(vertices: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
-    """(face,) faces of connected parts of positive volume, for a closed mesh with `vertices` (vertex, 3) [m]."""
-    links = coo_array(
-        (np.ones(2 * len(faces), np.int8), (np.tile(faces[:, 0], 2), faces[:, 1:].T.ravel())),
-        shape=(len(vertices), len(vertices)),
-    )
-    count, part = connected_components(links, directed=False)
-    a, b, c = np.moveaxis(corner_columns(vertices - vertices.mean(axis=0), faces), 1, 0)
-    volume = sum(a[i] * (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2]) for i in range(3))
-    own = part[faces[:, 0]]
-    return np.asarray((np.bincount(own, volume, count) > 0)[own])
-
-
 def collect_surfaces(scene: RadarScene | None, actors: Sequence[MeshActor | RelativeObject]) -> Surfaces:
-    """Number the objects and parts of a scene and its actors. Which faces are smooth, and which way they look, is that
-    of the mesh at rest, whatever its pose."""
+    """Number the objects and parts of a scene and its actors. Which faces are smooth is a matter of the
+    mesh at rest, whatever its pose."""
     part_names: dict[str, int] = {}
 
     every: list[Surface] = []
@@ -104,7 +85,6 @@ def collect_surfaces(scene: RadarScene | None, actors: Sequence[MeshActor | Rela
                 parts=parts,
                 first_facet=every[-1].first_facet + len(every[-1].faces) if every else 0,
                 closed=closed,
-                outward=outward_faces(points, thing.faces) if closed else np.zeros(len(thing.faces), np.bool_),
                 smooth=find_smoothing(points, thing.faces),
                 still=still,
             )

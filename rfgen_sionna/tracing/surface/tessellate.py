@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from rfgen_sionna._types import FloatArray, IntArray
-from rfgen_sionna.scene.kernels import FrozenKernel, concatenate_aligned, drjit_types, upload
 from rfgen_sionna.scene.mesh import face_corners, lengths, max_component, triangle_centroids
 from rfgen_sionna.tracing.surface.quadratic_patch import QuadraticPatch
 from rfgen_sionna.tracing.surface.resolution import MAX_PARTS, SmoothPieces, required_splits
@@ -34,19 +33,8 @@ class Tessellation:
     """(facet, corner, vertex) barycentric coordinates of the facet's corners in the face."""
     parts: IntArray
     """(facet,) parts per edge of the integral."""
-    flat_parts: IntArray | None = None
-    """(facet,) parts per edge of a flat facet; None means `parts`."""
-    curved_parts: FloatArray | None = None
-    """(facet,) parts per edge for the surface's height at normal incidence, not rounded."""
     grains: FloatArray | None = None
     """(facet, corner, vertex) corners of the facet's grain, which scatters as one; None means the facet."""
-
-    def visible_parts(self, poses: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray) -> IntArray:
-        """(facet,) parts per edge in `poses` (vertex, 3) [m]: a height lengthens the path by its cosine only."""
-        if self.flat_parts is None or self.curved_parts is None or not self.curved_parts.any():
-            return self.parts
-        found = np.ceil(self.curved_parts * _incidence(poses, faces, viewpoint)[self.face])
-        return np.maximum(self.flat_parts, found.astype(np.int32))
 
     @cached_property
     def places(self) -> IntArray:
@@ -128,51 +116,6 @@ class Tessellation:
         return np.asarray(rows @ np.asarray(vertices, np.float64))
 
 
-def _incidence(poses: Sequence[FloatArray], faces: IntArray, viewpoint: FloatArray) -> FloatArray:
-    """(face,) root of the largest cosine of incidence over all `poses`."""
-    dr, types = drjit_types()
-    found = dr.empty(types.Float64, len(faces))
-    given = {
-        "lanes": dr.arange(types.UInt32, len(faces)),
-        "faces": upload(types.UInt32, faces),
-        "vertices": upload(types.Float64, concatenate_aligned(poses)),
-        "points": dr.opaque(types.UInt32, len(poses[0])),
-        "poses": dr.opaque(types.UInt32, len(poses)),
-        "viewpoint": upload(types.Float64, viewpoint),
-        "found": found,
-    }
-    _INCIDENCE(given)
-    return np.asarray(found.numpy())
-
-
-def _find_incidence(given: dict[str, Any]) -> None:
-    """Kernel of :func:`_incidence`."""
-    dr, types = drjit_types()
-    Float, UInt32, Array3, lane = types.Float64, types.UInt32, types.Array3f64, given["lanes"]
-    ends = [dr.gather(UInt32, given["faces"], 3 * lane + k) for k in range(3)]
-    eye = Array3(*(dr.gather(Float, given["viewpoint"], UInt32(axis)) for axis in range(3)))
-
-    def step(pose: Any, most: Any) -> tuple[Any, Any]:
-        first = [3 * (pose * given["points"] + each) for each in ends]
-        a, b, c = (Array3(*(dr.gather(Float, given["vertices"], k + axis) for axis in range(3))) for k in first)
-        cross = dr.cross(b - a, c - a)
-        offset = a - eye
-        size = dr.sqrt(dr.squared_norm(cross) * dr.squared_norm(offset))
-        return pose + 1, dr.maximum(most, abs(dr.dot(cross, offset)) / dr.maximum(size, 1e-300))
-
-    begun = dr.zeros(UInt32, dr.width(lane)), dr.zeros(Float, dr.width(lane))
-    most = dr.while_loop(begun, lambda pose, _: pose < given["poses"], step)[1]
-    dr.scatter(given["found"], dr.sqrt(dr.minimum(most, 1.0)), lane, mode=dr.ReduceMode.Permute)
-    dr.eval(given["found"])
-
-
-_INCIDENCE = FrozenKernel(_find_incidence)
-
-
-NO_FACETS = Tessellation(np.zeros(0, np.int32), np.zeros((0, 3, 3)), np.zeros(0, np.int32))
-"""Tessellation without facets."""
-
-
 def tessellate(
     vertices: FloatArray,
     faces: IntArray,
@@ -183,11 +126,9 @@ def tessellate(
     max_range: float = np.inf,
     half_band: float = 0.0,
     limit: int = 5_000_000,
-    images: Sequence[tuple[FloatArray, float]] = (),
     smooth: Smoothing | None = None,
     still: bool = False,
     grain: float | None = None,
-    longest_edges: FloatArray | None = None,
 ) -> Tessellation:
     """Bisect the longest edges until every facet is small enough to be integrated in few parts.
 
@@ -208,14 +149,10 @@ def tessellate(
         Facets beyond it [m] are omitted.
     limit
         Largest number of facets.
-    images
-        Mirror images (vertex, 3) [m] of the vertices, each with its `rtol`.
     smooth, still
         Normals of the smooth surface, None means flat faces; whether it is static.
     grain
         Longest edge of grains [m], which do not depend on the viewpoint and bound the facets; None means no grains.
-    longest_edges
-        (face,) longest edge [m] of the facets of each face; None sets no limit.
 
     Raises
     ------
@@ -246,14 +183,7 @@ def tessellate(
             patch = SmoothPieces(height[face] * 0.5**times, weights, sagittas[face])
         known = pattern_gain, half_band
         coarse, parts, high = required_splits(corners, viewpoint, frequency, rtol, *known, patch, still)
-        for mirrored, tolerance in images:
-            image = np.asarray(weights @ mirrored[faces[face]], dtype=np.float64)
-            bent = None if patch is None else replace(patch, sagittas=None)
-            more = required_splits(image, viewpoint, frequency, tolerance, *known, bent, still)
-            coarse, parts, high = coarse | more[0], np.maximum(parts, more[1]), np.maximum(high, more[2])
         sides = lengths(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]])  # opposite corner
-        if longest_edges is not None:
-            coarse |= max_component(sides) > longest_edges[face]
         if grain is not None:
             fresh = np.isnan(grains[:, 0, 0]) & (max_component(sides) <= (1.0 + _LENGTH_TOLERANCE) * grain)
             grains[fresh] = weights[fresh]
@@ -281,4 +211,4 @@ def tessellate(
     order = np.argsort(np.concatenate([each[0] for each in done]), kind="stable")
     columns = list(zip(*done, strict=True))[: 4 if grain is None else 5]
     face, weights, flat, high, *own = (np.concatenate(each)[order] for each in columns)
-    return Tessellation(face, weights, np.maximum(flat, np.ceil(high).astype(np.int32)), flat, high, *own)
+    return Tessellation(face, weights, np.maximum(flat, np.ceil(high).astype(np.int32)), *own)

@@ -1,4 +1,4 @@
-"""The loop's facet kernel against the reference kernel of the tracer by element pair."""
+"""The loop's facet kernel against the kernel of the static scene."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.scene.materials import material
 from rfgen_sionna.tracing.integral.facet import Nodes, facet_gains
 from rfgen_sionna.tracing.integral.fresnel import media_table
+from rfgen_sionna.tracing.integral.leg_fields import LegTables
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.integral.patch_gains import patch_gains
 
@@ -25,7 +26,7 @@ def gains(corners, kinds, tx, rx, fields, bistatic, cut_of=None, cuts=NO_CUTS, v
         np.zeros((1, 3)), np.arange(count, dtype=np.int32), np.zeros((0, 3, 3)), np.arange(count),
         np.ones(count) if visible is None else visible, np.full(count, -1, np.int32) if cut_of is None else cut_of,
         *cuts, kinds, np.zeros(count, np.bool_), nodes, fields, media_table(Media.at(MATERIALS, FREQUENCIES)), bistatic,
-        0.1, turn, np.zeros((0, 3)), found, centroids,
+        0.1, turn, np.zeros((0, 3)), LegTables.direct(), found, centroids,
     )  # fmt: skip
     return found
 

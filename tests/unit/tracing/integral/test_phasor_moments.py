@@ -2,8 +2,17 @@
 
 import numpy as np
 import pytest
+from numba import njit
 
-from rfgen_sionna.tracing.integral.phasor_moments import mean_phasors
+from rfgen_sionna.tracing.integral.phasor_moments import mean_phasor
+
+
+@njit
+def mean_phasors(phases, strengths, sagittas, found):
+    """:func:`mean_phasor` (lane,) into `found`, of `phases`, `strengths` and `sagittas` (lane, 3)."""
+    for k in range(found.shape[0]):
+        p, w, s = phases[k], strengths[k], sagittas[k]
+        found[k] = mean_phasor(p[0], p[1], p[2], w[0], w[1], w[2], s[0], s[1], s[2])
 
 
 def quadrature(phases, strengths, sagittas):

@@ -7,7 +7,6 @@ import trimesh
 from rfgen_sionna._types import SPEED_OF_LIGHT
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.shadows.adaptive_sampling import CornerVisibility, sample_visibility, shared_vertices
-from rfgen_sionna.tracing.shadows.mirror_visibility import barycentric_lattice
 from rfgen_sionna.tracing.shadows.return_bounds import max_returns
 from rfgen_sionna.tracing.shadows.silhouettes import (
     RAY_SPACING,
@@ -16,6 +15,7 @@ from rfgen_sionna.tracing.shadows.silhouettes import (
     MeshSilhouette,
     SilhouetteRays,
 )
+from tests.unit.tracing.shadows.barycentric import barycentric_lattice
 
 VIEW = np.array([0.0, 0.0, 1.0])
 WAVENUMBER = 2 * np.pi * 79e9 / SPEED_OF_LIGHT

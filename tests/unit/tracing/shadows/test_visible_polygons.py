@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
 from rfgen_sionna.tracing.shadows.lattices import SPACINGS
-from rfgen_sionna.tracing.shadows.mirror_visibility import barycentric_lattice
 from rfgen_sionna.tracing.shadows.visible_polygons import find_visible_polygons
+from tests.unit.tracing.shadows.barycentric import barycentric_lattice
 
 value = st.floats(0.05, 1.0)
 

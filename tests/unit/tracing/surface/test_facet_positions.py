@@ -9,7 +9,7 @@ from rfgen_sionna.tracing.surface.facet_positions import place_facets
 from rfgen_sionna.tracing.surface.return_estimates import (
     estimate_returns,
 )
-from rfgen_sionna.tracing.surface.tessellate import NO_FACETS, Tessellation, tessellate
+from rfgen_sionna.tracing.surface.tessellate import Tessellation, tessellate
 
 BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.3)
 VERTICES, FACES = np.asarray(BALL.vertices), BALL.faces.astype(np.int32)
@@ -72,6 +72,7 @@ def test_facets_follow_the_corners_of_their_faces(kind, count):
 
 
 def test_no_facets():
-    found = place_facets(NO_FACETS, FACES, times(2), RADAR, WAVENUMBER)
+    none = Tessellation(np.zeros(0, np.int32), np.zeros((0, 3, 3)), np.zeros(0, np.int32))
+    found = place_facets(none, FACES, times(2), RADAR, WAVENUMBER)
     assert found.corners.shape == (2, 0, 3, 3)
     assert found.towards.shape == found.return_estimate.shape == (2, 0)

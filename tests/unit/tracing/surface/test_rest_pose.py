@@ -33,7 +33,6 @@ def assert_same_groups(some, others):
         np.testing.assert_array_equal(one.faces, other.faces)
         np.testing.assert_array_equal(one.smooth.group, other.smooth.group)
         np.testing.assert_array_equal(one.smooth.gather.indices, other.smooth.gather.indices)
-        np.testing.assert_array_equal(one.outward, other.outward)
 
 
 def moving(actors):

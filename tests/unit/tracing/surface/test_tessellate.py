@@ -46,34 +46,3 @@ def test_objects_out_of_range_do_not_change_those_within(mesh, far_first):
     assert alone.num_paths > 0
     assert np.array_equal(both.a, alone.a)
     assert np.array_equal(both.tau, alone.tau)
-
-
-def test_oblique_surfaces_take_fewer_parts():
-    """A ball's height over a facet lengthens the path by twice its product with the cosine of incidence."""
-    vertices, faces = np.asarray(BALL.vertices) + np.array([3.0, 0, 0]), np.asarray(BALL.faces, np.int32)
-    pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-3, smooth=find_smoothing(vertices, faces))
-    visible = pieces.visible_parts([vertices], faces, np.zeros(3))
-    centres = vertices[faces].mean(axis=1)
-    normals = centres - [3.0, 0, 0]
-    cos = np.abs(np.einsum("fi,fi->f", normals, centres))
-    cos = (cos / np.linalg.norm(normals, axis=1) / np.linalg.norm(centres, axis=1))[pieces.face]
-    assert (pieces.parts >= 3).all()
-    assert (visible <= pieces.parts).all()
-    assert (visible >= pieces.flat_parts).all()
-    # sqrt(cos) of the parts, rounded up, up to what the flat faces' cosines differ by from the ball's.
-    assert np.all(np.abs(visible - np.maximum(pieces.curved_parts * np.sqrt(cos) + 0.5, pieces.flat_parts)) < 0.7)
-    assert np.array_equal(visible[cos > 0.99], pieces.parts[cos > 0.99])
-    assert (visible[cos < 0.1] < 0.5 * pieces.parts[cos < 0.1]).all()
-    from_side = pieces.visible_parts([vertices], faces, np.array([3.0, 10.0, 0.0]))
-    assert not np.array_equal(from_side, visible)
-    turned = vertices @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + np.array([0.0, -3, 0])
-    both = pieces.visible_parts([vertices, turned], faces, np.zeros(3))
-    assert np.array_equal(both, np.maximum(visible, pieces.visible_parts([turned], faces, np.zeros(3))))
-    assert (both > visible).any()
-
-
-def test_flat_surfaces_take_the_same_parts_from_all_sides():
-    box = trimesh.creation.box((0.3, 0.3, 0.3))
-    vertices, faces = np.asarray(box.vertices) + np.array([1.0, 0, 0]), np.asarray(box.faces, np.int32)
-    pieces = tessellate(vertices, faces, np.zeros(3), 77e9, 1e-3)
-    assert pieces.visible_parts([vertices], faces, np.zeros(3)) is pieces.parts
