@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from rfgen_sionna.tracing.curved.curved_reflections import CurvedReflections
 from rfgen_sionna.tracing.direct.planner import plan_run
 from rfgen_sionna.tracing.direct.run_scene import RunScene
 from rfgen_sionna.tracing.direct.trace_plan import TracePlan
 from rfgen_sionna.tracing.routes.route_trace import RouteTracer
+
+ROUTE_TIMES = 5
+"""Times of a run that decide on the expansion of its routes."""
 
 
 class TraceRun:
@@ -30,3 +35,11 @@ class TraceRun:
         elif known is None or not known.holds(start):
             known = self._plans[length] = plan_run(scene, start, stop, length, self._cull)
         return known
+
+    def first(self, start: float) -> float:
+        """Time [s] at which the planar parts of an interval from `start` are those of the run."""
+        return start if self._span is None else self._span[0]
+
+    def times(self, start: float) -> list[float]:
+        """Times [s] that decide on the expansion of routes, for an interval from `start`."""
+        return [start] if self._span is None else np.linspace(*self._span, ROUTE_TIMES).tolist()

@@ -250,7 +250,7 @@ class Tracer:
         stop = stop if self.actors else start
         plan = run.plan(self._run_scene, start, stop)
         if self.max_bounces > 1 and self.surfaces.moving and run.routes is None:
-            self._add_routes(run, start)
+            self._add_routes(run, plan, start)
         traced = trace_direct(plan, start, stop, names, run.routes)
         times = traced.paths.times
         if watch is not None and self.actors:
@@ -277,12 +277,12 @@ class Tracer:
 
         return Traced(self._static_paths, find_shadows, paths, report, traced.centroids)
 
-    def _add_routes(self, run: TraceRun, t: float) -> None:
-        """Give a `run` the tracers of indirect paths of the actors, whose planar parts are those of the time `t`
-        [s]."""
+    def _add_routes(self, run: TraceRun, plan: TracePlan, start: float) -> None:
+        """Give a `run` the tracers of indirect paths of the actors; `start` [s] is that of its first interval."""
         surfaces, radar = self.surfaces, self.radar
-        given = surfaces, self._vertices(t), self._viewpoint, radar.wavelength, self.max_bounces
+        given = surfaces, self._vertices(run.first(start)), self._viewpoint, radar.wavelength, self.max_bounces
         run.routes = routes = RouteTracer(*given)
+        routes.choose_expansion(plan, run.times(start))
         if any(surface.smooth is not None for surface in surfaces.moving):
             run.curved = CurvedReflections(
                 surfaces, radar, self.rtol, lambda: routes.reflectors.owner, lambda: self.static.unoccluded

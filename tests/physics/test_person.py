@@ -85,7 +85,7 @@ def test_walking_shows_the_speeds_of_the_mesh(radar):
     person = Actor.from_prompt(
         "a person walking towards the radar and back", seed=1, radar=fast, duration=6.0, motion="kinematic"
     )
-    tracer = Tracer(None, fast, [person], rtol=1e-3)
+    tracer = Tracer(None, fast, [person], rtol=1e-2)
     resolution = fast.wavelength / (2 * fast.waveform.frame_length)
     fastest_limb = 0.0
     for start in (0.8, 1.1):
@@ -128,7 +128,8 @@ def test_finer_motion_sampling_does_not_change_the_spectrogram(radar):
     )
     tracer = Tracer(None, radar, [person], rtol=1e-3)
     start, stop = 0.8, 0.8 + radar.waveform.frame_length
-    paths = tracer.trace(start, stop).moving
+    run = tracer.follow()
+    paths = tracer.trace(start, stop, run).moving
     t = np.linspace(start, stop, 57)
     delays = paths.tau[0, 0] @ knot_weights(paths.times, t).T
     centroids = []
@@ -136,7 +137,8 @@ def test_finer_motion_sampling_does_not_change_the_spectrogram(radar):
         vertices = person.vertices(float(instant))
         centroids.append(vertices[person.faces[paths.facet]].mean(axis=1))
     centroids = np.stack(centroids, axis=1)
-    whole = np.bincount(paths.facet)[paths.facet] == 1  # not split
+    mesh = run.plan(tracer._run_scene, start, stop).mesh
+    whole = np.bincount(mesh.face_in_surface)[paths.facet] == 1  # not split
     assert whole.mean() > 0.5  # most of what is told, though faces near the rim are split
     length = sum(np.linalg.norm(centroids - element, axis=2) for element in (radar.tx_world[0], radar.rx_world[0]))
     error = 2 * np.pi * radar.center_frequency * (delays - length / 299_792_458.0)[whole]

@@ -22,13 +22,7 @@ from rfgen_sionna.tracing.integral.leg_fields import MAX_MIRRORS, LegTables
 from rfgen_sionna.tracing.integral.obliquity import Media
 from rfgen_sionna.tracing.legs.leg import Leg
 from rfgen_sionna.tracing.legs.leg_visibility import Crossings, LegOccluders, see_along
-from rfgen_sionna.tracing.routes.image_tree import (
-    LegKey,
-    ReturnBounds,
-    RouteKey,
-    leg_of,
-    significant_routes,
-)
+from rfgen_sionna.tracing.routes.image_tree import LegKey, ReturnBounds, RouteKey, leg_of, significant_routes
 from rfgen_sionna.tracing.routes.reflectors import Plate, Reflectors
 from rfgen_sionna.tracing.routes.route import Route, RouteReturns
 from rfgen_sionna.tracing.routes.route_bounds import raise_bounds, significant_facets, strong_routes
@@ -77,9 +71,9 @@ class RouteTracer:
         found = self._routes(plan, times, samples)
         if not found:
             return []
-        if self._expansion is None:
-            self._expansion = self._chosen_expansion(plan, samples[len(samples) // 2], len(samples) // 2, found, level)
-        table = node_table(self._expansion.nodes)
+        middle = len(samples) // 2
+        expansion = self._expansion or self._chosen_expansion(plan, samples[middle], middle, found, level)
+        table = node_table(expansion.nodes)
         tx, rx = (np.ascontiguousarray(each - plan.scene.band.viewpoint) for each in plan.scene.band.elements)
         returns = []
         for route in found:
@@ -98,12 +92,21 @@ class RouteTracer:
                     )
                     delays[..., k] += there[:, None] + here
             joined = np.stack(values, axis=-1)
-            middle = len(samples) // 2
             centroids = plan.mesh.centroids(samples[middle].points, route.facets)
             pattern = self._pattern(plan, route, middle, centroids)
-            own_gains = first_pair(self._expansion, joined) * pattern[:, None]
-            returns.append(RouteReturns(route, self._expansion, joined, own_gains, delays))
+            own_gains = first_pair(expansion, joined) * pattern[:, None]
+            returns.append(RouteReturns(route, expansion, joined, own_gains, delays))
         return returns
+
+    def choose_expansion(self, plan: TracePlan, times: Sequence[float]) -> None:
+        """Take the largest of the expansions that the routes at some `times` [s] need for all; without routes then,
+        each interval has its own."""
+        known = []
+        for t in times:
+            sample = plan.sample([t])
+            if found := self._routes(plan, np.array([t]), sample):
+                known.append(self._chosen_expansion(plan, sample[0], 0, found, plan.level))
+        self._expansion = max(known, key=lambda each: len(each.nodes.frequency), default=None)
 
     def paths(
         self, plan: TracePlan, times: FloatArray, samples: Sequence[Sample], returns: RouteReturns,
@@ -299,14 +302,9 @@ class RouteTracer:
         return np.asarray(np.sqrt(gain(route.out[k].departures(centroids)) * gain(route.back[k].departures(centroids))))
 
     def _integrated(
-        self,
-        plan: TracePlan,
-        sample: Sample,
-        k: int,
-        route: Route,
-        table: FloatArray,
+        self, plan: TracePlan, sample: Sample, k: int, route: Route, table: FloatArray,
         some: NDArray[np.intp] | slice = slice(None),
-    ) -> tuple[ComplexArray, FloatArray]:
+    ) -> tuple[ComplexArray, FloatArray]:  # fmt: skip
         """(node, path) gains at the nodes of a `table` (node, 7) and (path, 3) centroids [m]."""
         out, back = route.out[k], route.back[k]
         there = np.column_stack([out.image(table[:, :3]), back.image(table[:, 3:6]), table[:, 6]])
