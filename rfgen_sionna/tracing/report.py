@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,8 +73,6 @@ class Traced(ShortRepr):
     places: Callable[[float], FloatArray]
     """Time [s] to the (path, 3) facet centres [m] of the first paths of `moving`, the direct returns; valid until the
     next interval is traced."""
-    refined: ClassVar[None] = None
-    """Paths of actors at other knots than `moving`: none any more."""
 
     @cached_property
     def shadows(self) -> tuple[Shadow, ...]:

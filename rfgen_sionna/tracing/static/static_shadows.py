@@ -40,7 +40,7 @@ class StaticShadows:
         order, degree = EXPANSION if rtol >= EXPANSION_RTOL else FINE_EXPANSION
         self._expansion = band.expansions.through(band.expansions.basis(order, degree, full=False))
         nodes = self._expansion.nodes
-        media = media_table(Media.at(static.returns.materials, nodes.frequency, band.half_band))
+        media = media_table(Media.at(static.materials, nodes.frequency, band.half_band))
         self._nodes = np.ascontiguousarray(node_table(nodes)), np.stack(band.fields), media
         self._sagitta = float(np.clip(0.75 * np.sqrt(10.0 * rtol), 0.02, 0.75))
 

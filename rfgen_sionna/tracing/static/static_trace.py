@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,13 +11,12 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray
 from rfgen_sionna.records import RadarPaths
+from rfgen_sionna.scene.materials import Material
 from rfgen_sionna.scene.rays import RayScene
 from rfgen_sionna.tracing.gains.band import BandTracer
 from rfgen_sionna.tracing.gains.error_estimate import SAFETY, RefinedReturns, tolerance_factor
 from rfgen_sionna.tracing.shadows.silhouettes import SilhouetteRays, static_silhouettes
-from rfgen_sionna.tracing.static.actor_shadows import Shadow, cast_shadow
-from rfgen_sionna.tracing.static.static_facets import find_visible_facets, max_wavenumber
-from rfgen_sionna.tracing.static.static_visibility import StaticReturns, StaticVisibility
+from rfgen_sionna.tracing.static.static_facets import find_visible_facets
 from rfgen_sionna.tracing.surface.facets import Facets, facet_paths
 from rfgen_sionna.tracing.surface.surfaces import Surfaces
 
@@ -49,7 +47,9 @@ class StaticTrace:
     """Estimated error of the coherent return, relative to `level`."""
     level: float
     """Reference level (:attr:`rfgen_sionna.tracing.gains.error_estimate.ErrorEstimate.scale`)."""
-    returns: StaticReturns
+    band: BandTracer
+    materials: tuple[Material, ...]
+    """(surface,)"""
 
     @cached_property
     def unoccluded(self) -> NDArray[np.int64]:
@@ -59,50 +59,7 @@ class StaticTrace:
     @cached_property
     def weight(self) -> FloatArray:
         """(facet,) field gain of the element pattern."""
-        return self.returns.band.pattern_gain(self.facets.directions(self.viewpoint))
-
-    @property
-    def without_actors(self) -> StaticVisibility:
-        """Visibility without actors."""
-        count = len(self.facets)
-        return StaticVisibility(
-            np.ones(count), np.zeros(0, np.intp), np.zeros((0, 3, 3)), None, 0.0, np.zeros(count), np.inf,
-            np.zeros((0, 0), np.complex128), None,
-        )  # fmt: skip
-
-    def integrated(self, static_visibility: Sequence[StaticVisibility]) -> list[StaticVisibility]:
-        """The same with integrated values."""
-        cut = [each for each in static_visibility if len(each.owner)]
-        found = iter(self.returns.of_pieces(self.facets, cut) if cut else [])
-        return [next(found) if len(each.owner) else each for each in static_visibility]
-
-    def shadows(
-        self, knots: FloatArray, static_visibility: Sequence[StaticVisibility], index: NDArray[np.intp] | None = None
-    ) -> tuple[Shadow, Shadow]:
-        """Shadows on static paths with integrated visibility at each of the `knots` [s]: changing ones and constant
-        ones. `index` (facet,) are the facets that shares are of, ascending; None means all."""
-        every = np.arange(len(self.facets)) if index is None else index
-        left = np.stack([each.left for each in static_visibility], axis=1)
-        paths = self.paths if index is None else self.paths.select(index)
-        within = np.searchsorted(every, np.concatenate([each.owner for each in static_visibility]))
-        changing, steady = (shadow.at(every) for shadow in cast_shadow(paths, left, knots, within))
-        a, dispersion = changing.paths.a, changing.paths.dispersion  # writable copies
-        for knot, each in enumerate(static_visibility):
-            if not len(each.owner):
-                continue
-            owner = np.unique(each.owner)
-            gains = self.returns.band.combined(self.returns.expansion, each.values[..., None])[..., 0]
-            row, share = np.searchsorted(changing.index, owner), self.fraction[owner]
-            if (correction := each.boundary_correction) is not None:
-                correction.within(owner).add_to(gains)
-            gains *= share
-            if self.returns.rough is not None:
-                visible = share * each.left[np.searchsorted(every, owner)]
-                gains[0] += np.sqrt(visible) * self.returns.rough[..., owner]  # energy goes with the visible area
-            a[..., row, knot] = gains[0] - self.paths.a[..., owner, 0]
-            if dispersion is not None and self.paths.dispersion is not None:
-                dispersion[..., row, knot] = gains[1:] - self.paths.dispersion[..., owner, 0]
-        return changing, steady
+        return self.band.pattern_gain(self.facets.directions(self.viewpoint))
 
 
 def trace_static(
@@ -153,9 +110,10 @@ def trace_static(
         resolution[found.share > 0.1 / len(materials)] *= tolerance_factor(np.array(found.total), rtol)
     gains = band.combined(expansion, values)
     gains *= visible.fraction
-    returns = StaticReturns(band, materials, expansion, None, max_wavenumber(band), rtol, visible.level)
-    if len(visible.edges.owner):
-        returns.boundary_correction(visible.tiny, visible.edges, facets.centroids[visible.edges.owner]).add_to(gains)
+    if len(edges := visible.edges.owner):
+        densities = band.values(visible.tiny, materials, expansion, visible.edges.middle + band.viewpoint)
+        reference = facets.centroids[edges]
+        band.boundary_correction(visible.edges, densities, reference, expansion).add_to(gains)
     if (rough := band.diffuse(facets, materials)) is not None:  # each facet by itself
         gains[0] += np.sqrt(visible.fraction) * rough  # energy goes with the visible area
     tau = band.delays(facets.centroids)[..., None]
@@ -166,6 +124,5 @@ def trace_static(
     )  # fmt: skip
     return StaticTrace(
         paths, facets, visible.fraction, viewpoint, rays_sent,
-        float(np.hypot(found.total, SAFETY * visible.missed)), found.scale,
-        replace(returns, rough=rough),
+        float(np.hypot(found.total, SAFETY * visible.missed)), found.scale, band, materials,
     )  # fmt: skip
