@@ -98,7 +98,8 @@ class RunScene:
         (vertex, 3) [m] of the surfaces in some `poses`; not through slabs."""
         if self.slabs is not None:
             return False
-        moving = [points - self.band.viewpoint for pose in poses for points in pose if len(points)]
+        every = [points - self.band.viewpoint for pose in poses for points in pose]
+        moving = [points for points in every if lengths(points).min(initial=np.inf) < self.max_range]
         if not moving:
             return False
         near = max(min(float(lengths(each).min()) for each in moving), 1e-3)

@@ -109,7 +109,8 @@ class Sampler:
         seen, shadows = list[list[SeenFacets]](), [NO_SHADOWS for _ in times]
         for number, place in enumerate(places):
             moved = points if not place.any() else [each - place for each in points]
-            buffer = ItemBuffer(mesh.meshes, choose_views(moved, mesh.meshes, self.resolution), self.static - place)
+            views = choose_views(moved, mesh.meshes, self.resolution, self.max_range)
+            buffer = ItemBuffer(mesh.meshes, views, self.static - place)
             seen.append([])
             for k, (each, own) in enumerate(zip(moved, points, strict=True)):
                 visible, cuts = np.zeros(len(mesh)), NO_CUTS
@@ -121,10 +122,10 @@ class Sampler:
                 seen[-1].append(SeenFacets(visible, cuts))
                 if len(self.static) and number == central:
                     shadows[k] = buffer.shadows()
-        views = zip(*seen, strict=True)
+        from_places = zip(*seen, strict=True)
         return [
             Sample(each, mesh.normals(each), own, shadow, slabs)
-            for each, own, shadow, slabs in zip(points, views, shadows, crossed, strict=True)
+            for each, own, shadow, slabs in zip(points, from_places, shadows, crossed, strict=True)
         ]
 
     def _limit_range(self, points: FloatArray, visible: FloatArray) -> None:

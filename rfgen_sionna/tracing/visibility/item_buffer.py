@@ -76,18 +76,21 @@ class Resolution:
     """Least number of pixels along the longer side of a surface."""
 
 
-def choose_views(points: Sequence[FloatArray], meshes: Meshes, resolution: Resolution) -> list[ItemView]:
+def choose_views(
+    points: Sequence[FloatArray], meshes: Meshes, resolution: Resolution, max_range: float = np.inf
+) -> list[ItemView]:
     """Views of surfaces over several times, for `points` (vertex, 3) [m] relative to the viewpoint at each; the
-    smallest surface of a view has this `resolution`."""
+    smallest surface of a view has this `resolution`. Surfaces beyond `max_range` [m] have none."""
     vertex_range = meshes.vertex_range
     count = len(vertex_range)
     used = [k for k in range(count) if vertex_range[k, 1] > vertex_range[k, 0]]
-    if not used:
-        return []
     boxes = np.tile(np.array([[np.inf], [-np.inf]]), (count, 1, 3))
     for k in used:
         for each in points:
             bounding_box(each[slice(*vertex_range[k])], boxes[k])
+    used = [k for k in used if np.linalg.norm(np.maximum(np.maximum(boxes[k, 0], -boxes[k, 1]), 0.0)) < max_range]
+    if not used:
+        return []
     axes = look_at(boxes[used].mean(axis=(0, 1)))
     windows = {k: _window([each[slice(*vertex_range[k])] for each in points], axes) for k in used}
     if any(each is None for each in windows.values()):

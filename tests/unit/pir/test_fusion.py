@@ -81,7 +81,7 @@ class Refine:
 
 @pytest.mark.parametrize(("t", "projection"), [(0.0, "perspective"), (0.13, "perspective"), (0.13, "equirectangular")])
 def test_rasterising_what_was_fused_gives_the_image_back(radar, ball, t, projection):
-    """Every pixel: with an actor in front, without anything before, beside the actor; within 0.1 dB (here 1e-9)."""
+    """Every pixel: with an actor in front, without anything before, beside the actor; within 0.1 dB (here 1e-6)."""
     environment = wall(radar, projection=projection)
     environment.energy[:, :6] = 0.0  # nothing known there
     fusion = FusedTracer(Simulator(None, radar, [ball], rtol=1e-3).tracer, environment, 1, Refine(added=3e-10))
@@ -91,7 +91,7 @@ def test_rasterising_what_was_fused_gives_the_image_back(radar, ball, t, project
     wanted = np.where(mixed.energy > 0, mixed.energy * limited, refined.energy)
     paths = concatenate_paths(fusion.instant(t))
     found = rasterise(paths, fusion.surroundings.view, t)
-    np.testing.assert_allclose(found.energy, wanted, rtol=1e-9)
+    np.testing.assert_allclose(found.energy, wanted, rtol=1e-6)
     np.testing.assert_allclose(found.time_of_arrival, refined.time_of_arrival, atol=2e-12)
     assert set(paths.object_names) >= {"ball", "environment"}
     assert {PathKind(int(kind)) for kind in np.unique(paths.kind)} == {PathKind.FACET, PathKind.ENVIRONMENT}
@@ -251,7 +251,7 @@ def test_refinement_leaves_phases_and_delays_alone(radar, ball):
         found = strength > 0
         change = np.log(np.abs(after[0].a[0, 0, found, 0]) / strength[found])
         level[before[0].facet[found]] = change
-        faces = runs[0].indirect._facets.pieces[0].face
+        faces = runs[0].plan(plain._tracer._run_scene, start, start + length).mesh.face_in_surface
         level[np.bincount(faces, minlength=len(level)) > 1] = np.nan  # of pieces each has its own
         levels.append(level)
     steps = np.abs(np.diff(levels, axis=0))
@@ -368,13 +368,13 @@ def test_what_returns_next_to_nothing_is_in_the_image_all_the_same():
     assert paths < 0.3 * every
 
 
-def test_an_actor_before_an_image_is_looked_at_three_times(radar):
-    """An actor that goes straight on is traced twice where it hides nothing, three times before an image."""
+def test_an_actor_before_an_image_is_looked_at_at_every_knot(radar):
+    """An image is occluded at the same knots as everything else; being watched adds none."""
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.25)
     actor = MeshActor.from_mesh(mesh, material="metal", name="ball", position=(2.5, -0.2, 1), velocity=(0.0, 0.2, 0.0))
     tracer = Simulator(None, radar, [actor], rtol=1e-2).tracer
     alone = tracer.trace(0.0, 0.025)
     watched = list[float]()
     before_it = tracer.trace(0.0, 0.025, watch=lambda t, rays: watched.append(t))
-    assert alone.report.sample_times == 2
-    assert before_it.report.sample_times == len(watched) == 3
+    assert before_it.report.sample_times == alone.report.sample_times
+    assert watched == before_it.moving.times.tolist()
