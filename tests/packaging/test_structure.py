@@ -16,6 +16,8 @@ import rfgen_sionna
 PACKAGE = Path(rfgen_sionna.__file__).parent
 ROOT = Path(__file__).resolve().parents[2]
 MAX_LINES = 400
+BUDGET = {".": (85_600, 542), "tracing": (15_300, 99)}
+"""Most lines and modules of the package and of its tracer. They only fall."""
 HOME_MADE = re.compile(
     r"aslant|bend|bends|bent|bow|bowed|bricks|clear_arms|doubt|doubts|echoes|encounters|enclosure|expectation|"
     r"fading|faint|fineness|flashes|folded|foreign|further|glance|glances|glanced|glint|glints|hider|hiders|"
@@ -71,6 +73,13 @@ def test_names_are_words_of_the_field() -> None:
 def test_no_module_is_long() -> None:
     lines = {str(path): len((PACKAGE / path).read_text().splitlines()) for path in modules()}
     assert not {path: count for path, count in lines.items() if count > MAX_LINES}
+
+
+@pytest.mark.parametrize("part", BUDGET)
+def test_the_package_only_gets_smaller(part: str) -> None:
+    files = list((PACKAGE / part).rglob("*.py"))
+    lines = sum(len(path.read_text().splitlines()) for path in files)
+    assert (lines <= BUDGET[part][0]) and (len(files) <= BUDGET[part][1])
 
 
 def test_the_readme_is_short() -> None:
