@@ -279,7 +279,7 @@ def test_an_actor_in_utm_coordinates_is_where_it_is_at_the_origin() -> None:
     ):
         far, there = echo(None, [rfgen.Actor.from_mesh(**arguments, material="metal")], UTM)
         assert far == pytest.approx(near, abs=1e-6)
-        assert there == pytest.approx(field, rel=1e-3)
+        assert there == pytest.approx(field, rel=1e-2)  # pixels on the seams of facets fall to either side
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".glb"])
