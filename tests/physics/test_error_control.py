@@ -159,4 +159,5 @@ def test_the_same_holds_for_what_is_round_and_near(seed, rtol):
     sagittas = find_smoothing(vertices, actor.faces).patch(vertices, actor.faces).sagittas
     points = 24 if rtol > 1e-3 else 48
     error, report = errors(actor, radar, rtol, lambda *place: po_gain(corners, *place, n=points, sagittas=sagittas))
-    assert error < report.error <= 5 * rtol
+    assert error < 1.25 * report.error
+    assert report.error <= 5 * rtol
