@@ -247,7 +247,7 @@ def test_half_a_wall_is_the_dense_quadrature_of_what_is_seen(tmp_path, who, y, r
     stated = sim.tracer.trace(0.0, 0.0).report.error * sim.tracer.static.level / abs(channel(alone))
     truth = left_of_the_wall(y, 0.4)
     if who == "furniture":
-        # Half of the tolerance is the shadow's; the quadrature's scalar fields differ from the wall's own by 0.1 %, twice.
+        # Half of the tolerance is the shadow's; the quadrature's scalar fields differ from the wall's by 0.1 %, twice.
         assert abs(found - truth) < min(max(0.5 * rtol, 2e-3), stated + 2e-3)
     else:  # shadows of actors on what is at rest are those from the phase centre; pairs have edges of their own
         assert abs(found - truth) < 0.07

@@ -30,6 +30,8 @@ MAX_SMOOTH_SHARE = 0.1
 """Most share of a reflector's outline that may continue in a curved surface."""
 MAX_WINDOWS = 64
 """Most convex parts of an outline; more ragged parts are no reflectors."""
+MAIN_SHARE = 0.9
+"""Least share of an outline's area in one piece that stands for all: edges of other plates are coplanar strips."""
 SIMILAR_AREA = 8.0
 """Ratio of areas up to which each of two planar parts is the mirror by half."""
 DISSIMILAR_AREA = 32.0
@@ -135,12 +137,20 @@ def coplanar_groups(
 def _outline_polygons(
     place: FloatArray, used: NDArray[np.intp], faces: IntArray, area: float
 ) -> tuple[NDArray[np.intp], ...]:
-    """The outline's hull where that is all of it, else its triangles; none where they are too many."""
+    """The hull of the outline, or of the piece that is nearly all of it, where it has that area; else the outline's
+    triangles; none where they are too many."""
     from scipy.spatial import ConvexHull
 
-    hull = ConvexHull(place)
-    if hull.volume < area * (1.0 + 1e-6):  # of a flat hull `volume` is the area
-        return (used[hull.vertices],)
+    corners = np.searchsorted(used, faces)
+    ends = np.concatenate([corners[:, :2], corners[:, 1:]])
+    graph = coo_matrix((np.ones(len(ends)), ends.T), shape=(len(used), len(used)))
+    piece = np.asarray(connected_components(graph, directed=False)[1])
+    for chosen in (np.arange(len(used)), np.flatnonzero(piece == np.bincount(piece[corners[:, 0]]).argmax())):
+        if len(chosen) > 2:
+            hull = ConvexHull(place[chosen])
+            # Of a flat hull `volume` is the area.
+            if MAIN_SHARE * area < hull.volume < area * (1.0 + 1e-6):
+                return (used[chosen[hull.vertices]],)
     return tuple(np.asarray(each, np.intp) for each in faces) if len(faces) <= MAX_WINDOWS else ()
 
 
