@@ -31,7 +31,7 @@ ball = rfgen.Actor.from_mesh(
     trimesh.creation.icosphere(subdivisions=4, radius=0.05),
     name="ball", material="metal", position=(1.5, 0.5, 1.0), velocity=(0.5, 0.0, 0.0),
 )  # fmt: skip
-sim = rfgen.Simulator(scene, radar, [person, ball], rtol=1e-3)
+sim = rfgen.Simulator(scene, radar, [person, ball])
 
 # Paths: every facet that returns energy, with its label.
 paths = sim.paths(t=0.0)

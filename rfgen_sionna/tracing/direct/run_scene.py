@@ -98,14 +98,25 @@ class RunScene:
         (vertex, 3) [m] of the surfaces in some `poses`; not through slabs."""
         if self.slabs is not None:
             return False
-        every = [points - self.band.viewpoint for pose in poses for points in pose]
-        moving = [points for points in every if lengths(points).min(initial=np.inf) < self.max_range]
-        if not moving:
-            return False
-        near = max(min(float(lengths(each).min()) for each in moving), 1e-3)
-        far = max(float(lengths(each).max()) for each in moving)
-        before = [float(lengths(some).min()) for some in (self._in_front(each) for each in moving) if len(some)]
-        near = max(min([near, *before]), 1e-3)
+        for pose in poses:
+            every = [points - self.band.viewpoint for points in pose]
+            moving = [points for points in every if lengths(points).min(initial=np.inf) < self.max_range]
+            cones = [_cone(points[None]) for points in moving]
+            for points, (axis, wide) in zip(moving, cones, strict=True):
+                occluders = [
+                    other for other, (to, apart) in zip(moving, cones, strict=True)
+                    if np.arccos(np.clip(axis[0] @ to[0], -1.0, 1.0)) <= wide[0] + apart[0]
+                ]  # fmt: skip
+                if self._shift(min(float(lengths(each).min()) for each in occluders), points) or (
+                    len(static := self._in_front(points)) and self._shift(float(lengths(static).min()), points)
+                ):
+                    return True
+        return False
+
+    def _shift(self, near: float, points: FloatArray) -> bool:
+        """Whether shadow boundaries of what is `near` [m] move by a share of a Fresnel zone that counts on surfaces at
+        `points` (point, 3) [m]."""
+        near, far = max(near, 1e-3), float(lengths(points).max())
         if far <= near:
             return False
         zone = np.sqrt(SPEED_OF_LIGHT / self.band.highest * near * (far - near) / (2.0 * far))
