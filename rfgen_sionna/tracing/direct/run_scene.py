@@ -25,7 +25,7 @@ from rfgen_sionna.tracing.surface.facet_mesh import FacetMesh
 from rfgen_sionna.tracing.surface.surfaces import Surface, tolerance_groups
 from rfgen_sionna.tracing.surface.tessellate import tessellate
 
-FINE_PARALLAX, COARSE_PARALLAX, FINE_RTOL = 0.1, 0.5, 0.03
+FINE_PARALLAX, COARSE_PARALLAX, FINE_RTOL = 0.1, 2.0, 0.03
 """Shift of a shadow boundary at the outermost elements over the Fresnel zone above which Tx and Rx have their own
 visibility: up to the tolerance given third, and above."""
 RANGE_MARGIN = 1.1
