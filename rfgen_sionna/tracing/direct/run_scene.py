@@ -78,8 +78,8 @@ class RunScene:
         return Sampler(mesh, *known, settings.resolution, self.static, self.slabs)
 
     def nodes(self, table: FloatArray, nearest: float, parallax: bool) -> GainNodes:
-        """Nodes of a `table` (node, 7) for facets that are `nearest` [m] at least, each with its own visibility where
-        the `parallax` of the array counts."""
+        """Nodes of a `table` (node, 7) for facets that are `nearest` [m] at least, seen from Tx and Rx themselves where
+        the `parallax` of the array counts, else from the phase centre."""
         band = self.band
         frequency = table[:, 6] * SPEED_OF_LIGHT / (2 * np.pi)
         media = media_table(Media.at([each.material for each in self.surfaces], frequency, band.half_band))
