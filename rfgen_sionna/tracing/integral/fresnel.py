@@ -125,17 +125,18 @@ def one_way(medium: Any, wavenumber: float, normal: Any, k_in: Any, e_in: Any, k
 
 
 @njit(fastmath=FAST, error_model="numpy")
+def both_ways(medium: Any, wavenumber: float, normal: Any, k_in: Any, e_in: Any, k_out: Any, e_out: Any) -> complex:
+    """Mean of :func:`one_way` in both senses: the same for Tx and Rx exchanged."""
+    there = one_way(medium, wavenumber, normal, k_in, e_in, k_out, e_out)
+    back = one_way(medium, wavenumber, normal, scaled(k_out, -1.0), e_out, scaled(k_in, -1.0), e_in)
+    return 0.5 * (there + back)
+
+
+@njit(fastmath=FAST, error_model="numpy")
 def obliquity(
-    medium: Any,
-    wavenumber: float,
-    normal: Any,
-    point: Any,
-    tx: Any,
-    rx: Any,
-    tx_field: Any,
-    rx_field: Any,
+    medium: Any, wavenumber: float, normal: Any, point: Any, tx: Any, rx: Any, tx_field: Any, rx_field: Any,
     bistatic: bool,
-) -> complex:
+) -> complex:  # fmt: skip
     """Obliquity over the product of the distances [1/m^2] at a `point`, per cosine of incidence for an element half way
     between `tx` and `rx` [m]; that element's where not `bistatic`."""
     element = scaled(plus(tx, rx), 0.5)
@@ -151,9 +152,8 @@ def obliquity(
         if dot(normal, k_in) >= 0.0 or dot(normal, k_out) <= 0.0:
             return 0j
         e_tx, e_rx = transverse(tx_field, k_in), transverse(rx_field, k_out)
-        there = one_way(medium, wavenumber, normal, k_in, e_tx, k_out, e_rx)
-        back = one_way(medium, wavenumber, normal, scaled(k_out, -1.0), e_rx, scaled(k_in, -1.0), e_tx)
-        return 0.5 * (there + back) / (spread * max(cosine, _MIN_COSINE))
+        mean = both_ways(medium, wavenumber, normal, k_in, e_tx, k_out, e_rx)
+        return mean / (spread * max(cosine, _MIN_COSINE))
     distance = norm(offset)
     if distance < _MIN_DISTANCE:
         return 0j

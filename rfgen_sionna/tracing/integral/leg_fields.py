@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 
 from rfgen_sionna._types import FloatArray, IntArray
 from rfgen_sionna.tracing.integral.fresnel import (
+    both_ways,
     cross,
     dot,
     minus,
     norm,
-    one_way,
     plus,
     reflection,
     scaled,
@@ -79,8 +79,6 @@ class LegTables(NamedTuple):
 
     def at(self, nodes: NDArray[np.intp]) -> LegTables:
         """The same for some of the nodes."""
-        if not len(self.media) and not len(self.slab_media):
-            return self
         return self._replace(
             media=self.media[nodes] if len(self.media) else self.media,
             slab_media=self.slab_media[nodes] if len(self.slab_media) else self.slab_media,
@@ -178,6 +176,5 @@ def leg_obliquity(
         return 0j
     e_tx = _leg_field(legs, 0, node, q, wavenumber, k_in, tx_field)
     e_rx = _leg_field(legs, 1, node, q, wavenumber, k_out, rx_field)
-    there = one_way(medium, wavenumber, normal, k_in, e_tx, k_out, e_rx)
-    back = one_way(medium, wavenumber, normal, scaled(k_out, -1.0), e_rx, scaled(k_in, -1.0), e_tx)
-    return 0.5 * (there + back) / (spread * max(-dot(direction, normal), _MIN_COSINE))
+    mean = both_ways(medium, wavenumber, normal, k_in, e_tx, k_out, e_rx)
+    return mean / (spread * max(-dot(direction, normal), _MIN_COSINE))
